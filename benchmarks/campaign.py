@@ -69,7 +69,7 @@ def compare(*, quick: bool) -> list[Speed]:
 
 def _timed(job: Floats, executor: str) -> Speed:
     begin, before = time(), perf_counter()
-    if not run(job, Workers(executor=executor, count=WORKERS)):
+    if not run(job, Workers(executor=executor, workers=WORKERS)):
         raise ArithmeticError(f"{executor}: not all floats are flown")
     after = perf_counter() - before
     markers = (job.store / "flown" / "c").iterdir()

@@ -28,11 +28,11 @@ ROOT = Path(__file__).resolve().parents[1]
 # Of each extra: what its code imports first, and a command that needs it.
 EXTRAS = {
     "cluster": ("distributed", "campaign example-float dive.toml --executor dask"),
-    "parquet": ("pyarrow", "compare log.parquet --vehicle feup-em --fit none"),
+    "parquet": ("pyarrow", "compare log.parquet --vehicle feup-em --free none"),
     "posterior": ("emcee", "identify log.csv --vehicle feup-em --posterior"),
     "serial": ("serial", "board feup-em --time-limit 2h --port /dev/ttyUSB0"),
 }
-STEP = "simulate feup-em --start 1.5 --target 3 --duration 400 --plot --out step"
+STEP = "simulate feup-em --step 1.5:3 --duration 400 --plot --out step"
 FIRMWARE = "firmware feup-em --time-limit 2h --out controller"
 IDENTIFY = "identify step/trajectory.csv --vehicle feup-em --out identified"
 SLOWEST = 60  # s that a new user waits for a plot

@@ -3,9 +3,9 @@
 DATA_DIR holds `missions.csv.gz` of the vehicle of the preset `ntnu-bv` and the casts beside it.
 Missions 53, 55 and 57 were in sea water, which the logger took for fresh: its depths are scaled.
 Each is predicted by what the two others taught, in water of constant density and in that of a cast:
-10 s and 60 s ahead by the causal filter of `compare --ahead`, then its whole length in one go with
-one neutral volume and at most a steady drift. Then what could explain the rest, by the likelihood
-of all three; and what else pulled at the float. What came out: `docs/explanation/fjord.md`.
+10 s and 60 s ahead by the causal filter of `compare --horizons`, then its whole length in one go
+with one neutral volume and at most a steady drift. Then what could explain the rest, by the
+likelihood of all three; and what else pulled at the float: `docs/explanation/fjord.md`.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def whole(
 ) -> tuple[float, float]:
     """Return the rms of depth [m] of a whole log in one go, and its neutral volume [m3]."""
     found = compare(
-        log, vehicle, drive="volume", fit=names, submerged=True, surface_margin=UNDER, column=water
+        log, vehicle, drive="volume", free=names, submerged=True, surface_margin=UNDER, column=water
     )
     return found.rms, found.fitted["neutral_volume"].value
 

@@ -88,7 +88,7 @@ def line_table(
                 drive="volume",
                 submerged=True,
                 surface_margin=0.3,
-                fit=("neutral_volume", "start_depth", "start_speed"),
+                free=("neutral_volume", "start_depth", "start_speed"),
                 column=water,
             )
             neutral = found.fitted["neutral_volume"].value

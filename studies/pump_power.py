@@ -95,7 +95,7 @@ def float_table(runs: PumpRuns) -> tuple[PumpFit, pd.DataFrame]:
 
     All controlled runs of a dive count in its energy, short ones too.
     """
-    fitted = fit_pump(runs, power_at="end", shortest=_LONG)
+    fitted = fit_pump(runs, power_at="end", min_run_time=_LONG)
     assert runs.dive is not None
     assert runs.temperature is not None
     rows = []
@@ -325,7 +325,7 @@ def main(arguments: list[str]) -> int:
     if (data / "mermaid_p0051").is_dir():
         runs = float_runs(data / "mermaid_p0051")
         fit, table = float_table(runs)
-        plain = fit_pump(runs, power_at="end", shortest=_LONG, voltage=False)
+        plain = fit_pump(runs, power_at="end", min_run_time=_LONG, voltage=False)
         print(
             f"mermaid_p0051: {int(fit.kept.sum())} runs over {_LONG:g} s, rms "
             f"{fit.power_rms:.3f} W at {fit.reference_voltage:.2f} V (without voltages "

@@ -80,7 +80,7 @@ def run_day(
         believed,
         folder,
         rules=Rules(bottom=POOL - 0.05, change=2.8e-6),
-        tasks=paper_tasks(believed, pool_depth=POOL),
+        tasks=paper_tasks(believed, bottom_depth=POOL),
         asked=Asked(targets=(Target("K2", target), Target("T2", target))),
         mode="simulated",
     )
@@ -166,7 +166,7 @@ def _rehearsal(believed: Vehicle, truth: Array, rng: np.random.Generator, number
             "sensors": Sensors(depth_noise=2e-3, depth_quantum=quantum, volume_quantum=_QUANTUM),
         }
     )
-    operator = Operator(believed, water, pool_depth=POOL, seed=1000 * number)
+    operator = Operator(believed, water, bottom_depth=POOL, seed=1000 * number)
     return lambda task: np.column_stack(operator.perform(task)[:3])
 
 

@@ -134,7 +134,7 @@ def judge(number: int, log: Log, vehicle: Vehicle, *, open_loop: bool = True) ->
         for i, names in enumerate((("neutral_volume",), ("neutral_volume", "neutral_drift"))):
             fit = (*names, "start_depth", "start_speed")
             rms[i] = compare(
-                log, vehicle, drive="volume", fit=fit, bottom_depth=bottom, submerged=True
+                log, vehicle, drive="volume", free=fit, bottom_depth=bottom, submerged=True
             ).rms
     travelled = _travelled(rec, vehicle)
     lay = int((rec.depth > bottom - 0.03).sum()) > _LYING

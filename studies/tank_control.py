@@ -121,7 +121,7 @@ def mission_of(number: int, log: Log, row: dict[str, str], vehicle: Vehicle) -> 
     under = np.flatnonzero(log.depth > 0.1)
     early = log.only(log.time <= log.time[under[0]] + FIRST)
     names = ("neutral_volume", "start_depth", "start_speed")
-    told = compare(early, vehicle, drive="volume", fit=names, bottom_depth=bottom, submerged=True)
+    told = compare(early, vehicle, drive="volume", free=names, bottom_depth=bottom, submerged=True)
     rec = record(log, vehicle, drive="setpoint", bottom_depth=bottom)
     fitted = told.fitted["neutral_volume"]
     return Mission(number, rec, told.vehicle, pid, min(fitted.std, 2e-6))

@@ -75,7 +75,7 @@ def tuned(name: str, *, runs: int) -> Tuning:
             noisy(goal),
             law=name,
             goal=goal,
-            depths=_DEPTHS,
+            depth_range=_DEPTHS,
             step=_STEPS[goal],
             supply=_SUPPLY,
             runs=runs,

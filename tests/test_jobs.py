@@ -168,11 +168,11 @@ def test_an_error_of_a_worker_is_the_jobs_and_nothing_is_lost(executor, tmp_path
         pytest.importorskip("distributed")
     job = Marks(tmp_path / "x", broken=(3,))
     with pytest.raises(InputError, match="here: what is asked for cannot be"):
-        run(job, Workers(executor=executor, count=1))
+        run(job, Workers(executor=executor, workers=1))
     done = job.done()
     assert 3 not in done
     shares = []
-    assert run(job._replace(broken=()), Workers(executor=executor, count=2), shares.append)
+    assert run(job._replace(broken=()), Workers(executor=executor, workers=2), shares.append)
     assert sum(shares) == pytest.approx(1.0)
     assert job.done() == set(range(6))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x"]
@@ -181,7 +181,7 @@ def test_an_error_of_a_worker_is_the_jobs_and_nothing_is_lost(executor, tmp_path
 def test_processes_that_always_die_are_given_up(tmp_path):
     job = Marks(tmp_path / "x", deadly=(4,))
     with pytest.raises(NoAnswerError, match="died 3 times without doing anything"):
-        run(job, Workers(executor="processes", count=1))
+        run(job, Workers(executor="processes", workers=1))
     assert 4 not in job.done()
 
 
@@ -189,9 +189,9 @@ def test_processes_that_always_die_are_given_up(tmp_path):
     ("given", "words"),
     [
         ({"executor": "ray"}, "executor: no such executor"),
-        ({"count": 0}, "count: must be"),
+        ({"workers": 0}, "workers: must be"),
         ({"scheduler": "tcp://a:1"}, "scheduler: only dask"),
-        ({"scheduler": "tcp://a:1", "executor": "dask", "count": 2}, "workers of its own"),
+        ({"scheduler": "tcp://a:1", "executor": "dask", "workers": 2}, "workers of its own"),
         ({"part": (0, 3)}, "part: no part"),
         ({"part": (4, 3)}, "part: no part"),
     ],

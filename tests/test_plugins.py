@@ -314,7 +314,7 @@ class TestALaw:
 
     @pytest.mark.prove
     def test_it_is_tuned_as_the_cascade_is(self):
-        given = {"goal": "quiet", "depths": (0.0, 5.0), "runs": 20}
+        given = {"goal": "quiet", "depth_range": (0.0, 5.0), "runs": 20}
         own, other = tune(FEUP, law="cascade", **given), tune(FEUP, law="hover", **given)
         assert list(leaves(other.parameters).values()) == list(leaves(own.parameters).values())
         assert other.margins == own.margins

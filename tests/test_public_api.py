@@ -18,6 +18,7 @@ from swimbladder.design.planning.task import Limits
 from swimbladder.design.pool_day.day import rules_of
 from swimbladder.design.pool_day.rehearsal import check_waiting
 from swimbladder.design.sizing.candidates import Parts
+from swimbladder.io.pump_runs import read_pump_runs
 
 
 @pytest.mark.parametrize("name", swimbladder.__all__)
@@ -116,14 +117,14 @@ def test_every_function_says_what_it_takes_returns_and_raises(name):
 READERS = {
     "CastReading": [sb.read_cast],
     "Casts": [sb.read_cast],
+    "LogCasts": [sb.read_cast],
     "LogReading": [sb.read_log],
-    "Reading": [sb.read_log],
 }
 RECORDS = {
     "ballast": [sb.Target, sb.Uncertainty],
     "board": [sb.Flights],
     "campaign": [sb.Floats, sb.Spread, sb.Workers],
-    "energy": [sb.Thruster, sb.fit_pump],
+    "energy": [sb.Thruster, sb.fit_pump, read_pump_runs],
     "firmware": [PoolOptions],
     "mission": [sb.Mission.limited],
     "plan": [Limits],
@@ -133,14 +134,6 @@ RECORDS = {
 CALLED = {
     "cast": {"cast", "casts", "column", "columns"},
     "logs": {"logs", "log"},
-    "ask": {"asked"},
-    "step": {"start", "target"},
-    "no_maps": {"maps"},
-    "without_supervisor": {"supervised"},
-    "column": {"columns"},
-    "log_format": {"form"},
-    "fields": {"log_format"},
-    "volumes": {"first", "last"},
 }
 ELSEWHERE = {
     # where it is written, and as what
@@ -148,14 +141,28 @@ ELSEWHERE = {
     # fields of the vehicle's file: vehicle.with_sensors(...), a [supervisor] table, its controller
     *("depth_noise", "depth_quantum", "time_limit", "law"),
     # other functions: fit_pump, paper_fits, Spread.identified, one mission of faults, predict_ahead
-    *("fit", "paper", "identified", "mission", "horizons", "random_walk", "acceleration_noise"),
-    # how several casts of logs are chosen: read_cast for each
-    *("cast_where", "cast_column", "cast_profile"),
+    *(
+        "fit",
+        "paper",
+        "identified",
+        "repeat",
+        "mission",
+        "horizons",
+        "random_walk",
+        "acceleration_noise",
+    ),
     # the bottom of a mission: Mission.over; a file with a spread
-    *("bottom", "spread"),
+    *("bottom_depth", "spread"),
     # a list that is printed; a step of simulate, whose function takes set-points
-    *("list_scenarios", "target", "seed"),
+    *("list_scenarios", "step", "seed"),
 }
+
+
+def groups_of(command):
+    """Return the types of the parameters of a command's function: groups of options, and others."""
+    function = of(command)
+    hints = get_type_hints(getattr(function, "__wrapped__", function))
+    return [kind for kind in hints.values() if isinstance(kind, type)]
 
 
 def options(command):

@@ -10,7 +10,7 @@
 
 Every message names the place, the value, the unit and the remedy, so that it can be acted on
 without reading the source. It calls a parameter as Python does, `goal="energy"`; the command line
-prints the option of it, --goal energy: by `OPTIONS`, which only a command fills.
+prints the option of it, --goal energy: by `OPTIONS`, which a command fills while it runs.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class SwimbladderError(Exception):
 
     exit_code = 1
 
-    def asked(self, options: Mapping[str, str]) -> Self:
+    def asked(self, options: Mapping[str, str] = OPTIONS) -> Self:
         """Return the same error, its parameters named by their options."""
         return type(self)(as_asked(str(self), options))
 
@@ -115,7 +115,7 @@ class InputError(SwimbladderError):
         place = {"file": file, "field": field, "line": line}
         return self.but(**{name: x for name, x in place.items() if getattr(self, name) is None})
 
-    def asked(self, options: Mapping[str, str]) -> Self:
+    def asked(self, options: Mapping[str, str] = OPTIONS) -> Self:
         """Return the same error, its parameters named by their options."""
         field, remedy = self.field or "", as_asked(self.remedy or "", options) or None
         if self.file is None or isinstance(field, Parameter):

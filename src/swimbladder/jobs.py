@@ -233,36 +233,44 @@ class Job(Protocol):
 class Workers:
     """Who does a job.
 
-    executor: one of `EXECUTORS`. count: of threads, processes or local dask workers; a worker for
+    executor: one of `EXECUTORS`. workers: threads, processes or local dask workers; a worker for
     each core where not given. scheduler: address of a dask scheduler that runs, or the file that it
-    wrote; without one dask's workers are local. part: (k, n) for each nth chunk from the kth, from
-    1: n such runs, started in any order on any machines, do all of it.
+    wrote; without one dask's workers are local. part: (k, n), or "k/n", for each nth chunk from the
+    kth, from 1: n such runs, started in any order on any machines, do all of it.
     Raises InputError for what cannot be, and where dask is not installed.
     """
 
     executor: str = "threads"
-    count: int | None = None
+    workers: int | None = None
     scheduler: str | None = None
     part: tuple[int, int] = (1, 1)
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be."""
-        k, n = self.part
+        """Read the part; refuse what cannot be."""
+        remedy = "Give a number and how many there are, like `part='1/8'`"
+        given = self.part.split("/") if isinstance(self.part, str) else self.part
+        try:
+            k, n = map(int, given)
+        except (TypeError, ValueError):
+            what = "no part of a whole"
+            raise InputError(what, field="part", value=self.part, remedy=remedy) from None
+        object.__setattr__(self, "part", (k, n))
         if self.executor not in EXECUTORS:
-            given, remedy = self.executor, f"Choose from {', '.join(EXECUTORS)}"
-            raise InputError("no such executor", field="executor", value=given, remedy=remedy)
-        if self.count is not None and not 1 <= self.count <= 4096:
+            remedy = f"Choose from {', '.join(EXECUTORS)}"
+            raise InputError(
+                "no such executor", field="executor", value=self.executor, remedy=remedy
+            )
+        if self.workers is not None and not 1 <= self.workers <= 4096:
             what = "must be a whole number from 1 to 4096"
             remedy = "Leave it out for one on each core"
-            raise InputError(what, field="count", value=self.count, remedy=remedy)
+            raise InputError(what, field="workers", value=self.workers, remedy=remedy)
         if self.scheduler is not None and self.executor != "dask":
             what, remedy = "only dask has a scheduler", "Give `executor='dask'`"
             raise InputError(what, field="scheduler", value=self.scheduler, remedy=remedy)
-        if self.scheduler is not None and self.count is not None:
+        if self.scheduler is not None and self.workers is not None:
             what, remedy = "a scheduler has workers of its own", "Leave it out"
-            raise InputError(what, field="count", value=self.count, remedy=remedy)
+            raise InputError(what, field="workers", value=self.workers, remedy=remedy)
         if not 1 <= k <= n <= 1_000_000:
-            remedy = "Give a number and how many there are, like `part='1/8'`"
             raise InputError("no part of a whole", field="part", value=f"{k}/{n}", remedy=remedy)
         if self.executor == "dask":
             _dask()
@@ -270,7 +278,7 @@ class Workers:
     @property
     def local(self) -> int:
         """How many work on this machine."""
-        return self.count or os.cpu_count() or 1
+        return self.workers or os.cpu_count() or 1
 
 
 def run(job: Job, workers: Workers, advance: Advance = silent) -> bool:

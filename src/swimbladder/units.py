@@ -11,9 +11,11 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import MISSING, Field, dataclass, field, fields
 from fractions import Fraction
 from functools import cache, lru_cache
+from typing import Any
 
 from swimbladder.errors import UnitError
 
@@ -218,3 +220,45 @@ def rounded(value: float, digits: int = 4) -> str:
     """Return a number to so many digits, without an exponent below ten millions: 339.6 -> "340"."""
     text = f"{value:.{digits}g}"
     return f"{float(text):.{max(digits, 8)}g}" if 1e-4 <= abs(value) < 1e7 else text
+
+
+def in_unit(unit: str, default: Any = MISSING) -> Any:
+    """Return a field of a record that is a number in a unit, or several; see `read_numbers`."""
+    return field(default=default, metadata={"unit": unit})
+
+
+def read_numbers(record: Any) -> None:
+    """Replace texts in fields of a frozen record by numbers in the units of their metadata.
+
+    Raises InputError naming the field.
+    """
+    for one in fields(record):
+        value = getattr(record, one.name)
+        if isinstance(value, tuple | list):
+            read: Any = tuple(_read(x, one) for x in value)
+        elif isinstance(value, str):
+            read = _read(value, one)
+        else:
+            continue
+        object.__setattr__(record, one.name, read)
+
+
+def _read(value: Any, about: Field[Any]) -> Any:
+    if not isinstance(value, str) or "unit" not in about.metadata:
+        return value
+    try:
+        return parse_quantity(value, about.metadata["unit"])
+    except UnitError as error:
+        raise error.at(field=about.name) from None
+
+
+def unit_of(text: str) -> str:
+    """Return what stands behind a number, "" where nothing does."""
+    number = _NUMBER.match(text)
+    return "" if number is None else text[number.end() :].strip()
+
+
+def with_one_unit(texts: Sequence[str]) -> list[str]:
+    """Return quantities; numbers alone get the unit of the last."""
+    unit, parts = unit_of(texts[-1]), [text.strip() for text in texts]
+    return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]

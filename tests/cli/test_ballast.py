@@ -73,7 +73,7 @@ def test_the_vehicle_that_is_written_is_the_one_that_was_ballasted(capsys, tmp_p
 
 def test_a_stroke_that_is_short_is_exit_1_with_the_numbers(capsys, tmp_path, cast):
     out = tmp_path / "out"
-    code = run(cast, out, "--neutral-depth", "500 m", "--at-volume=-240 cm3")
+    code = run(cast, out, "--neutral-depth", "500 m", "--neutral-volume=-240 cm3")
     assert code == 1
     said = capsys.readouterr().out
     assert "The stroke does NOT cover it" in said
@@ -135,18 +135,18 @@ def test_a_mass_on_the_scale_takes_the_place_of_the_trim(capsys, tmp_path, cast)
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--deepest", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
+        (["--max-depth", "2000 m"], "deeper than the vehicle is rated for, 1000 m"),
         (["--neutral-depth", "500 dbar"], "--neutral-depth"),
         (["--mass", "45 g"], "--mass"),
-        (["--ballast", "cork"], "no such ballast"),
-        (["--ballast", "900 kg/m3"], "not denser than the water"),
+        (["--material", "cork"], "no such ballast"),
+        (["--material", "900 kg/m3"], "not denser than the water"),
         (["--probability", "99"], "--probability"),
         (["--inversions", "ignore"], "--inversions"),
         (["--psi-std", "-1 cm3/m"], "--psi-std"),
-        (["--profile", "4"], "1 profile"),
-        (["--column", "pressure=p"], "no such column of a cast"),
-        (["--column", "salinity=a", "--column", "salinity=b"], "given twice"),
-        (["--where", "dive=1"], "no such column to choose rows by"),
+        (["--cast-profile", "4"], "1 profile"),
+        (["--cast-column", "pressure=p"], "no such column of a cast"),
+        (["--cast-column", "salinity=a", "--cast-column", "salinity=b"], "given twice"),
+        (["--cast-where", "dive=1"], "no such column to choose rows by"),
     ],
 )
 def test_bad_input_is_exit_2_and_nothing_is_written(capsys, tmp_path, cast, options, words):
@@ -167,7 +167,7 @@ def test_a_cast_that_ends_above_the_target(capsys, tmp_path, cast):
             "example-eh",
             "--cast",
             str(short),
-            "--deepest",
+            "--max-depth",
             "1000 m",
             "--out",
             str(tmp_path / "out"),
@@ -197,13 +197,13 @@ def test_a_cast_that_ends_far_above_the_rating_is_refused_unless_that_is_asked(
     assert "the cast ends at 108 m if it is in dbar" in said
     assert "if it is in bar; the vehicle is rated for 1000 m" in said
     assert not out.exists()
-    assert run(bar, out, "--column", "pressure_dbar=pressure@bar") == 0
+    assert run(bar, out, "--cast-column", "pressure_dbar=pressure@bar") == 0
     assert "warning" not in capsys.readouterr().out
     short = shortened(cast, 60)  # 295 dbar
     assert run(short, out) == 2
     end = int(-gsw.z_from_p(295.0, 43.0))  # m
-    assert f'--deepest "{end} m"' in capsys.readouterr().err
-    assert run(short, out, "--deepest", f"{end} m") == 0
+    assert f'--max-depth "{end} m"' in capsys.readouterr().err
+    assert run(short, out, "--max-depth", f"{end} m") == 0
 
 
 def test_a_cast_that_ends_somewhat_above_the_rating_is_told_first(capsys, tmp_path, cast):
@@ -266,7 +266,7 @@ def test_options_that_would_have_no_effect_are_refused(capsys, tmp_path, cast):
     out = str(tmp_path / "out")
     assert main(["ballast", "example-eh", "--salinity", "0", "--out", out]) == 2
     assert "--salinity: it says how to read a cast" in capsys.readouterr().err.replace("\n", " ")
-    assert run(cast, tmp_path / "out", "--at-volume", "1 cm3") == 2
+    assert run(cast, tmp_path / "out", "--neutral-volume", "1 cm3") == 2
     assert "needs the depth" in capsys.readouterr().err.replace("\n", " ")
 
 
@@ -296,7 +296,7 @@ def test_a_float_in_the_ligurian_sea(capsys, tmp_path, data_dir):
             "example-eh",
             "--cast",
             str(path),
-            "--where",
+            "--cast-where",
             "profile_time=2020-07-03 21:54:40",
             "--neutral-depth",
             "500 m",

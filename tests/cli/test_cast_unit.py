@@ -15,7 +15,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import cast_column
-from swimbladder.physics.seawater.cast_unit import _metres
+from swimbladder.physics.seawater.cast_unit import _metres, check_cast_unit
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.flight import fly_mission
@@ -73,7 +73,7 @@ def test_the_unit_that_fits_is_told(tmp_path, unit, deepest, asked, rating):
     said = refused(read_cast(path), asked, rating)
     assert f"the cast ends at {metres(deepest * PER_DBAR[unit])} if it is in dbar" in said
     assert f"{metres(deepest)} if it is in {unit}" in said
-    assert f'{{"pressure_dbar": "pressure@{unit}"}}' in said
+    assert f'--cast-column "pressure_dbar=pressure@{unit}"' in said
     for told in (unit, "dbar"):  # either answer ends it
         column = {"pressure_dbar": f"pressure@{told}"}
         assert refused(read_cast(path, columns=column), asked, rating) == ""
@@ -118,12 +118,12 @@ def commands(folder):
     rows = [f"{60 * k},{min(k, 60 - k) * 6e4},,{60 * (k == 0)}\n" for k in range(60)]
     log.write_text("time_s,pressure_Pa,pump_s,valve_s\n" + "".join(rows))
     return {
-        "mission": (["mission", "example-float", str(task)], "--column"),
-        "campaign": (["campaign", "example-float", str(task), "--floats", "2"], "--column"),
-        "ballast": (["ballast", "example-float", "--deepest", "180 m"], "--column"),
-        "whole": (["ballast", "example-float"], "--column"),
-        "energy": (["energy", "example-float", "--depth", "180 m"], "--column"),
-        "size": (["size", "example-float", "--depth", "180 m"], "--column"),
+        "mission": (["mission", "example-float", str(task)], "--cast-column"),
+        "campaign": (["campaign", "example-float", str(task), "--floats", "2"], "--cast-column"),
+        "ballast": (["ballast", "example-float", "--max-depth", "180 m"], "--cast-column"),
+        "whole": (["ballast", "example-float"], "--cast-column"),
+        "energy": (["energy", "example-float", "--max-depth", "180 m"], "--cast-column"),
+        "size": (["size", "example-float", "--max-depth", "180 m"], "--cast-column"),
         "identify": (["identify", str(log), "--vehicle", "example-float"], "--cast-column"),
     }
 
@@ -132,7 +132,7 @@ def commands(folder):
 def test_python_refuses_as_the_commands_do(tmp_path, called):
     column = cast_column(read_cast(written(tmp_path, "bar")))
     with quoted.refused(InputError, field="pressure_dbar"):
-        called(load_vehicle("example-float"), depths=(100.0, 180.0), column=column)
+        called(load_vehicle("example-float"), depth_range=(100.0, 180.0), column=column)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_a_header_that_states_dbar_makes_it_a_warning(capsys, tmp_path):
         assert refused(cast, 180.0, 2000.0) == ""
         said = " ".join(capsys.readouterr().err.split())
         assert f"warning: bar.csv: the column '{header}' is taken at its word" in said
-        assert f'{{"pressure_dbar": "{header}@bar"}}' in said
+        assert f'--cast-column "pressure_dbar={header}@bar"' in said
     lake = read_cast(written(tmp_path, "dbar", 15.0, header="Pressure [dbar]"))
     assert refused(lake, 6.0, 100.0) == ""  # in bar it would end at 150 m
     deep = read_cast(written(tmp_path, "dbar", 2000.0, header="Pressure [dbar]"))
@@ -198,7 +198,7 @@ def test_a_netcdf_file_is_held_to_the_same_rule(capsys, tmp_path, unit, name, at
     assert what in said if what else not said
     assert ("warning" in said) == (what == "taken at its word")
     if what:
-        assert all(f'{{"pressure_dbar": "{name}@{one}"}}' in said for one in ("bar", "dbar"))
+        assert all(f'"pressure_dbar={name}@{one}"' in said for one in ("bar", "dbar"))
     else:
         assert cast.pressure[-1] == pytest.approx(2000.0)
 
@@ -207,13 +207,13 @@ def test_either_unit_that_is_said_is_taken(tmp_path):
     words = [
         "energy",
         "example-float",
-        "--depth",
+        "--max-depth",
         "180 m",
         "--out",
         str(tmp_path / "out"),
         "--json",
     ]
-    words += ["--cast", str(written(tmp_path, "bar")), "--column"]
+    words += ["--cast", str(written(tmp_path, "bar")), "--cast-column"]
     for unit in ("bar", "dbar"):
         assert main([*words, f"pressure_dbar=pressure@{unit}"]) == 0
 
@@ -221,7 +221,7 @@ def test_either_unit_that_is_said_is_taken(tmp_path):
 def test_pools_and_tanks_are_no_exception(capsys, tmp_path):
     cast = str(written(tmp_path, "bar", 80.0))  # 8 m of water
     out = ["--cast", cast, "--out", str(tmp_path / "out")]
-    words = ["simulate", "feup-em", "--start", "1.5", "--target", "6", "--duration", "60"]
+    words = ["simulate", "feup-em", "--step", "1.5:6", "--duration", "60"]
     assert main([*words, *out]) == 2
     assert f"at {metres(80.0)} if it is in bar" in " ".join(capsys.readouterr().err.split())
     log = tmp_path / "log.csv"
@@ -250,8 +250,8 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
     (tmp_path / "task.toml").write_text(MISSION.format(180))
     task = load_mission(tmp_path / "task.toml")
     cast = read_cast(written(tmp_path, "bar"))
-    said = refused(cast, 180.0, 2000.0)
-    assert said
+    with pytest.raises(InputError) as asked:
+        check_cast_unit(cast, 180.0, 2000.0)
     for fly in (
         lambda water: fly_mission(vehicle, task, water),
         lambda water: Floats(
@@ -260,7 +260,7 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
     ):
         with pytest.raises(InputError) as caught:
             fly(cast_column(cast))
-        assert str(caught.value) == said
+        assert str(caught.value) == str(asked.value)
     feup = load_vehicle("feup-em")
     shallow = read_cast(written(tmp_path, "bar", 80.0))
     with pytest.raises(InputError) as caught:
@@ -271,7 +271,9 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
             start_depth=1.5,
             column=cast_column(shallow, step=0.1),
         )
-    assert str(caught.value) == refused(shallow, 6.0, 100.0)
+    with pytest.raises(InputError) as asked:
+        check_cast_unit(shallow, 6.0, 100.0)
+    assert str(caught.value) == str(asked.value)
 
 
 def test_a_cast_that_ends_above_a_phase_is_refused_in_python_as_by_the_command(tmp_path, capsys):

@@ -31,10 +31,10 @@ COMMANDS = {
 }
 SAMPLED = ("simulate", "tune", "compare-laws")
 OPTIONS = {
-    "--column": "salinity=S",
-    "--where": "dive=1",
-    "--log-format": "form.toml",
-    "--profile": "2",
+    "--cast-column": "salinity=S",
+    "--cast-where": "dive=1",
+    "--cast-format": "form.toml",
+    "--cast-profile": "2",
     "--latitude": "0",
     "--longitude": "0",
     "--salinity": "0",
@@ -109,3 +109,10 @@ def test_help_shows_the_table_that_a_format_has(capsys, command):
     said = capsys.readouterr().out
     assert "[log]" in said  # rich takes what it does not know for markup
     assert "[[" not in said
+
+
+def test_several_casts_are_refused_where_one_is_taken(capsys, tmp_path):
+    words_of = [*words("mission", tmp_path), "--cast", "cast.csv", "--cast-where", "dive=1,2"]
+    assert main(words_of) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--cast-where: these are several casts, and one is taken" in said

@@ -25,7 +25,7 @@ COLUMNS = [
 def sailed(tmp_path_factory):
     """The trajectory that `simulate` writes is itself a log."""
     folder = tmp_path_factory.mktemp("sailed")
-    step = ["--start", "1.5", "--target", "2.5", "--duration", "90"]
+    step = ["--step", "1.5:2.5", "--duration", "90"]
     assert main(["simulate", "feup-em", *step, "--out", str(folder)]) == 0
     return folder / "trajectory.csv"
 
@@ -54,7 +54,7 @@ def test_a_simulated_trajectory_is_predicted_by_what_made_it(capsys, sailed, tmp
             "feup-em",
             "--drive",
             drive,
-            "--fit",
+            "--free",
             "none",
             "--out",
             tmp_path,
@@ -74,7 +74,7 @@ def test_the_keys_and_the_table(capsys, sailed, tmp_path):
         sailed,
         "--vehicle",
         "feup-em",
-        "--fit",
+        "--free",
         "neutral_volume,start_speed",
         "--plot",
         "--out",
@@ -213,13 +213,13 @@ def test_the_log_of_a_float_that_pumps_is_told_by_its_lines(capsys, tmp_path):
     ("options", "part"),
     [
         (["--drive", "thrust"], "--drive: no such input"),
-        (["--fit", "weight"], "--fit: this cannot be fitted"),
-        (["--fit", "mas"], "Did you mean mass?"),
+        (["--free", "weight"], "--free: this cannot be fitted"),
+        (["--free", "mas"], "Did you mean mass?"),
         (["--where", "log"], "--where: not a pair"),
         (["--where", "log=1"], "no such column to choose rows by"),
         (["--column", "depth=z"], "no such column of a log"),
-        (["--bottom", "deep"], "--bottom: "),
-        (["--bottom", "-1"], "must not be negative"),
+        (["--bottom-depth", "deep"], "--bottom-depth: "),
+        (["--bottom-depth", "-1"], "must not be negative"),
         (["--log-format", "nonsense"], "--log-format: there is no log format"),
     ],
 )
@@ -245,7 +245,7 @@ def test_a_mission_of_the_real_float(capsys, data_dir, tmp_path):
     assert a["drive"] == "volume"
     assert a["rms_m"] < 0.022
     assert list(a["fitted"]) == ["neutral_volume"]
-    b = answer(capsys, *common, "--drive", "setpoint", "--fit", "none")
+    b = answer(capsys, *common, "--drive", "setpoint", "--free", "none")
     assert b["rms_m"] < 0.021
     assert b["piston_rms_m"] < 0.0011
 

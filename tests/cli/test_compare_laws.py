@@ -83,14 +83,15 @@ def test_the_list_of_scenarios(capsys):
         (["feup-em", "--laws", "planed"], 2, "Did you mean planned?"),
         (["feup-em", "--laws", "foo"], 2, "--laws: no such law (got 'foo')"),
         (["feup-em", "--runs", "1"], 2, "too few runs"),
-        (["feup-em", "--depth", "5"], 2, "a colon between"),
+        (["feup-em", "--depth-range", "5"], 2, "a colon between"),
         (
-            ["feup-em", "--depth", "0:90 m"],
+            ["feup-em", "--depth-range", "0:90 m"],
             2,
-            "--depth: the supervisor turns the vehicle round at 49.98 m (got '0:90 m', expected "
-            "unit m). Ask for less depth, or say more of the vehicle in its [supervisor] table.",
+            "--depth-range: the supervisor turns the vehicle round at 49.98 m (got '0:90 m', "
+            "expected unit m). Ask for less depth, or say more of the vehicle in its [supervisor] "
+            "table.",
         ),
-        (["feup-em", "--depth", "0:90 m", "--without-supervisor"], 1, "leaves the stroke"),
+        (["feup-em", "--depth-range", "0:90 m", "--unsupervised"], 1, "leaves the stroke"),
         (["feup-em", "--depth-noise", "-1 mm"], 2, "greater than or equal to 0"),
         (["feup-em", "--seed", "-1"], 2, "0 or more"),
     ],

@@ -49,7 +49,7 @@ def offered(tmp_path, monkeypatch, capsys):
 def test_commands_and_options(offered):
     assert offered("sim") == ["simulate"]
     assert offered("vehicle ") == ["list", "show", "new", "set"]
-    assert "--target" in offered("simulate feup-em --ta")
+    assert "--step" in offered("simulate feup-em --st")
 
 
 def test_vehicles_are_presets_files_and_folders(offered):
@@ -86,7 +86,7 @@ def test_words_are_those_that_are_taken():
         "--drag": DRAG_LAWS,
         "--executor": EXECUTORS,
         "--inversions": get_args(Inversions),
-        "--least": get_args(Least),
+        "size --goal": get_args(Least),
         "--power-at": get_args(PowerAt),
         "--process-noise": get_args(ProcessNoise),
         "identify --drive": [name for name in DRIVES if name != "setpoint"],

@@ -12,15 +12,15 @@ from tests.quoted import numbers
 QUICK = [
     "design-experiment",
     "feup-em",
-    "--pool-depth",
+    "--bottom-depth",
     "4.5 m",
-    "--sensor-std",
+    "--depth-noise",
     "2 mm",
     "--settling",
     "5 min",
-    "--moves",
+    "--max-moves",
     "1",
-    "--runs",
+    "--max-experiments",
     "2",
 ]
 
@@ -64,9 +64,9 @@ def test_a_no_is_exit_code_1(capsys, tmp_path):
     code = main(
         [
             *QUICK,
-            "--sensor-std",
+            "--depth-noise",
             "5 cm",
-            "--runs",
+            "--max-experiments",
             "1",
             "--neutral-std",
             "none",
@@ -91,13 +91,13 @@ def test_a_no_is_exit_code_1(capsys, tmp_path):
         (["--against", "900 cm3"], "not within"),
         (["--prior", "psi=2e-6 m3/m"], "a prior has a mean and a standard deviation"),
         (["--prior", "psy=2e-6 +- 1e-6"], "Did you mean psi?"),
-        (["--set", "psi=2 cm3"], "--set psi"),
-        (["--set", "psi"], "not a pair"),
+        (["--fixed", "psi=2 cm3"], "--fixed psi"),
+        (["--fixed", "psi"], "not a pair"),
         (["--criterion", "E"], "Choose largest, D or A"),
-        (["--time", "1 min"], "too short"),
-        (["--pool-depth", "1 m"], "leaves no travel"),
-        (["--sensor-std", "2 s"], "--sensor-std"),
-        (["--sensor-std", "0"], "it must be above 0 where there is no --quantum"),
+        (["--pool-time", "1 min"], "too short"),
+        (["--bottom-depth", "1 m"], "leaves no travel"),
+        (["--depth-noise", "2 s"], "--depth-noise"),
+        (["--depth-noise", "0"], "it must be above 0 where there is no --depth-quantum"),
     ],
 )
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):

@@ -104,7 +104,7 @@ def test_stdout_that_takes_no_more_is_one_line(tmp_path):
         ["vehicle", "show", "x" * 300],
         ["vehicle", "new", "x" * 300 + ".toml"],
         ["vehicle", "new", "x" * 300, "--force"],
-        ["simulate", "feup-em", "--cast", "x.csv", "--log-format", "x" * 300],
+        ["simulate", "feup-em", "--cast", "x.csv", "--cast-format", "x" * 300],
     ],
 )
 def test_a_name_longer_than_any_file_s_is_one_line(words, tmp_path, monkeypatch, capsys):
@@ -201,7 +201,7 @@ def test_a_pipe_is_not_written_over(words, tmp_path, monkeypatch, capsys):
         ["simulate", "./p"],
         ["simulate", "feup-em", "p"],
         ["simulate", "feup-em", "--cast", "p"],
-        ["simulate", "feup-em", "--cast", "p", "--log-format", "./p"],
+        ["simulate", "feup-em", "--cast", "p", "--cast-format", "./p"],
         ["mission", "example-float", "p"],
         ["identify", "p", "--vehicle", "feup-em"],
         ["compare", "p", "--vehicle", "feup-em"],

@@ -8,6 +8,7 @@ import pytest
 
 from swimbladder.cli import main
 from swimbladder.design.energy import Thruster, drive_energy, hovering, profiling
+from swimbladder.io.answers import as_json
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.seawater import uniform_column
 
@@ -33,7 +34,9 @@ def test_the_answer_and_the_table_agree(capsys, tmp_path):
 
 def test_words_for_people(capsys, tmp_path):
     assert (
-        main(["energy", "example-em", "--depth", "50 m", "--full", "--out", str(tmp_path / "o")])
+        main(
+            ["energy", "example-em", "--max-depth", "50 m", "--full", "--out", str(tmp_path / "o")]
+        )
         == 0
     )
     said = capsys.readouterr().out
@@ -46,7 +49,7 @@ def test_words_for_people(capsys, tmp_path):
 
 def test_a_depth_beyond_the_rating_is_said_first_and_percent_has_its_blank(capsys, tmp_path):
     out = ["--full", "--out", str(tmp_path / "o")]
-    assert main(["energy", "example-float", "--depth", "2500 m", *out]) == 0
+    assert main(["energy", "example-float", "--max-depth", "2500 m", *out]) == 0
     said = capsys.readouterr().out.splitlines()
     assert said[1] == "2500 m is deeper than the vehicle is rated for, 2000 m."
     assert main(["energy", "example-float", *out]) == 0
@@ -64,7 +67,7 @@ def test_every_option_reaches_the_answer(capsys, tmp_path):
         "0.2 m",
         "--thruster-efficiency",
         "70 %",
-        "--thruster-idle",
+        "--thruster-idle-power",
         "2 W",
         "--thruster-number",
         "3",
@@ -72,14 +75,14 @@ def test_every_option_reaches_the_answer(capsys, tmp_path):
         "50 cm3",
         "--speed",
         "0.3 m/s",
-        "--depth",
+        "--max-depth",
         "800 m",
         "--out",
         str(tmp_path / "o"),
     )
     vehicle = load_vehicle("example-float")
     thruster = Thruster(diameter=0.2, efficiency=0.7, number=3, idle_power=2.0)
-    assert told["thruster"] == thruster._asdict()
+    assert told["thruster"] == as_json(thruster, "diameter_m efficiency number idle_power_W")
     found = drive_energy(vehicle, uniform_column(vehicle.water, 800.0))
     hover = hovering(found, thruster, weight_error=5e-5)
     dive = profiling(found, thruster, speed=0.3)
@@ -95,12 +98,12 @@ def test_a_cast_is_the_water(capsys, tmp_path):
     head = "pressure_dbar,temperature_degC,salinity,latitude,longitude\n"
     cast.write_text(head + "\n".join(rows) + "\n")
     out = ["--out", str(tmp_path / "o")]
-    told = answer(capsys, "example-float", "--cast", str(cast), "--depth", "1000 m", *out)
-    uniform = answer(capsys, "example-float", "--depth", "1000 m", *out)
+    told = answer(capsys, "example-float", "--cast", str(cast), "--max-depth", "1000 m", *out)
+    uniform = answer(capsys, "example-float", "--max-depth", "1000 m", *out)
     assert told["hovering"]["depth_m"] == uniform["hovering"]["depth_m"] == 1000.0
     assert any("cast" in line for line in told["assumptions"])
     assert told["profiling"]["engine_J"][-1] != uniform["profiling"]["engine_J"][-1]
-    deeper = main(["energy", "example-float", "--cast", str(cast), "--depth", "1900 m", *out])
+    deeper = main(["energy", "example-float", "--cast", str(cast), "--max-depth", "1900 m", *out])
     assert deeper in (1, 2)
     assert "error:" in capsys.readouterr().err
 
@@ -118,22 +121,22 @@ def test_a_cast_that_ends_above_the_rating_is_said_first_and_far_above_is_refuse
     assert "the vehicle is rated for 2000 m" in told["sentences"][0]
     far = _cast(tmp_path / "b.csv", 300)
     assert main(["energy", "example-float", "--cast", far, *out]) == 2
-    assert 'it is to go: --depth "297 m"' in capsys.readouterr().err
-    asked = answer(capsys, "example-float", "--cast", far, "--depth", "250 m", *out)
+    assert 'it is to go: --max-depth "297 m"' in capsys.readouterr().err
+    asked = answer(capsys, "example-float", "--cast", far, "--max-depth", "250 m", *out)
     assert not any("ends at" in sentence for sentence in asked["sentences"])
-    assert main(["energy", "example-float", "--cast", far, "--depth", "900 m", *out]) == 2
+    assert main(["energy", "example-float", "--cast", far, "--max-depth", "900 m", *out]) == 2
     assert "--cast: the cast b.csv ends at 298 m" in capsys.readouterr().err
 
 
 def test_an_engine_that_has_stalled_is_not_said_to_lose_against_a_thruster(capsys, tmp_path):
-    told = answer(capsys, "example-float", "--depth", "7000 m", "--out", str(tmp_path / "o"))
+    told = answer(capsys, "example-float", "--max-depth", "7000 m", "--out", str(tmp_path / "o"))
     assert any("mL too heavy: not by this engine, it has stalled" in s for s in told["sentences"])
 
 
 def test_a_thruster_that_is_stated_in_full_is_not_called_usual(capsys, tmp_path):
     stated = ["--thruster-diameter", "0.2 m", "--thruster-efficiency", "70 %"]
     out = ["--out", str(tmp_path / "o")]
-    told = answer(capsys, "example-float", *stated, "--thruster-idle", "2 W", *out)
+    told = answer(capsys, "example-float", *stated, "--thruster-idle-power", "2 W", *out)
     assert not any("T200" in line for line in told["assumptions"])
     assert any("T200" in line for line in answer(capsys, "example-float", *out)["assumptions"])
 
@@ -158,7 +161,7 @@ def test_without_r_and_k_t_it_says_so(name, field, capsys, tmp_path):
         (["example-float", "--speed", "0 m/s"], "--speed"),
         (["example-float", "--weight-error", "-1 cm3"], "--weight-error"),
         (["example-float", "--thruster-efficiency", "120 %"], "--thruster-efficiency"),
-        (["example-float", "--depth", "-5 m"], "--depth: it must be above 0 (got '-5 m'"),
+        (["example-float", "--max-depth", "-5 m"], "--max-depth: it must be above 0 (got '-5 m'"),
         (["example-float", "--weight-error=-10 cm3"], "got '-10 cm3'"),
         (["example-float", "--thruster-efficiency", "35"], '"35 %" is 0.35'),
         (["example-float", "--where", "a=b"], "--where"),
@@ -276,7 +279,7 @@ def test_a_logged_voltage_counts_and_is_told(capsys, tmp_path):
 def test_a_fit_without_volumes_keeps_the_vehicles_delivery_or_says_why_not(capsys, tmp_path):
     (tmp_path / "runs.csv").write_text(RUNS.replace("volume_mL", "unused"))
     runs, out = str(tmp_path / "runs.csv"), str(tmp_path / "o")
-    words = ["--fit", runs, *COLUMNS[:2], "--shortest", "12 s", "--out", out]
+    words = ["--fit", runs, *COLUMNS[:2], "--min-run-time", "12 s", "--out", out]
     assert main(["energy", "example-float", *words]) == 2
     assert "volume_m3" in capsys.readouterr().err
     assert main(["energy", *words]) == 0

@@ -50,7 +50,7 @@ def test_a_campaign_and_one_of_its_missions(capsys, tmp_path):
                 "faults",
                 "feup-em",
                 *LIMIT,
-                "--mission",
+                "--repeat",
                 "7",
                 "--json",
                 "--out",
@@ -87,7 +87,7 @@ def test_the_table_is_printed(capsys, tmp_path):
         }
         assert any(counts <= numbers(line) for line in lines), row
     if code == 1:
-        assert "--mission" in said.err
+        assert "--repeat" in said.err
 
 
 def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monkeypatch):
@@ -106,9 +106,9 @@ def test_without_a_compiler_one_line_says_what_to_install(capsys, tmp_path, monk
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--mission", "x"], "--mission"),
-        (["--mission", "999999999"], "eight digits at most"),
-        (["--depth", "5"], "--depth"),
+        (["--repeat", "x"], "--repeat"),
+        (["--repeat", "999999999"], "eight digits at most"),
+        (["--depth-range", "5"], "--depth-range"),
         (["--missions", "0"], "--missions"),
     ],
 )
@@ -123,17 +123,24 @@ def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
     cast, depth = tmp_path / "lake.csv", np.arange(0.0, 8.1, 0.25)
     warm = 8.0 + 14.0 / (1.0 + np.exp((depth - 4.0) / 0.4))
     write_csv(cast, {"pressure_dbar": depth, "temperature_degC": warm, "salinity": 0.0 * depth})
-    lake = ["--cast", str(cast), "--latitude", "45", "--column", "pressure_dbar=pressure_dbar@dbar"]
+    lake = [
+        "--cast",
+        str(cast),
+        "--latitude",
+        "45",
+        "--cast-column",
+        "pressure_dbar=pressure_dbar@dbar",
+    ]
     words = ["faults", "feup-em", "--missions", "8", "--healthy", "2", *lake, *LIMIT]
-    shallow = ["--depth", "1:5 m"]
+    shallow = ["--depth-range", "1:5 m"]
     out = ["--out", str(tmp_path / "o"), "--json"]
     assert main([*words, *shallow, *out]) in (0, 1)
     answer = json.loads(capsys.readouterr().out)
     assert answer["water"] == "lake.csv"
-    assert main(["faults", "feup-em", "--mission", "3", *LIMIT, *shallow, *out]) == 0
+    assert main(["faults", "feup-em", "--repeat", "3", *LIMIT, *shallow, *out]) == 0
     plain = json.loads(capsys.readouterr().out)
     assert plain["water"] is None
-    assert main([*words, "--mission", "3", *shallow, *out]) == 0
+    assert main([*words, "--repeat", "3", *shallow, *out]) == 0
     assert json.loads(capsys.readouterr().out)["faults"] == plain["faults"]
     column = cast_column(read_cast(cast, latitude=45.0), step=0.1)
     with pytest.raises(InputError) as refused:

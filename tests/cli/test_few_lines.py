@@ -21,7 +21,16 @@ kind = "surface"
 duration = "10 min"
 """
 STEP = ["--duration", "60", "--plot", "--netcdf"]
-POOL = ["--pool-depth", "4.5 m", "--sensor-std", "2 mm", "--time", "15 min", "--runs", "2"]
+POOL = [
+    "--bottom-depth",
+    "4.5 m",
+    "--depth-noise",
+    "2 mm",
+    "--pool-time",
+    "15 min",
+    "--max-experiments",
+    "2",
+]
 LIMIT = ["--time-limit", "2 h"]
 QUICK = {
     "analyse": ["feup-em"],
@@ -37,8 +46,8 @@ QUICK = {
     "mission": ["example-float", "dive.toml", "--netcdf", "--plot"],
     "plan": ["feup-em", "--step", "1.5:3", "--sample-time", "0.5"],
     "simulate": ["feup-em", *STEP],
-    "size": ["example-eh", "--depth", "300 m"],
-    "stability": ["feup-em", "--depth", "0:5 m", "--no-maps"],
+    "size": ["example-eh", "--max-depth", "300 m"],
+    "stability": ["feup-em", "--depth-range", "0:5 m", "--no-maps"],
     "vehicle": ["show", "feup-em"],
 }
 # Long commands, in tests of their own that count lines too.

@@ -166,7 +166,7 @@ def test_the_report_for_people(capsys, pool, tmp_path):
         "--no-profiles",
         "--prior",
         "psi=4.04 cm3/m +- 10 %",
-        "--set",
+        "--fixed",
         "T2=36.3 s",
         "--full",
         "--out",
@@ -187,7 +187,7 @@ def test_the_report_for_people(capsys, pool, tmp_path):
 def test_what_the_data_do_not_tell_is_exit_1_without_a_number(capsys, pool, tmp_path):
     out = tmp_path / "out"
     asked = [pool, "--vehicle", "feup-em", "--where", "run=5", "--out", out, "--no-profiles"]
-    run(capsys, *asked, "--free", "K2", "--set", "T2=36.3 s", "--set", "psi=4.04 cm3/m")
+    run(capsys, *asked, "--free", "K2", "--fixed", "T2=36.3 s", "--fixed", "psi=4.04 cm3/m")
     assert (out / "vehicle.toml").exists()
     assert (out / "figures" / "gains.png").exists()
     printed, err = run(capsys, *asked, "--neutral-std", "none", "--json", code=1)
@@ -228,16 +228,16 @@ def test_a_vehicle_file_that_is_not_ours_is_left_alone(capsys, pool, made, tmp_p
         (["--free", "none"], "--free: nothing is left to identify"),
         (["--free", "mass"], "--free: the drag law linear has no such parameter"),
         (["--free", "psi,K1"], "--free: a logged volume"),
-        (["--set", "psi=2 cm3"], "--set psi: the unit 'cm3' is of another kind"),
-        (["--set", "psi=1", "--set", "psi=2"], "--set: given twice"),
-        (["--set", "K2=-1"], "--set: it must be above 0"),
-        (["--set", "psi=0", "--prior", "psi=1 +- 1"], "--prior: it has a prior, but is not"),
+        (["--fixed", "psi=2 cm3"], "--fixed psi: the unit 'cm3' is of another kind"),
+        (["--fixed", "psi=1", "--fixed", "psi=2"], "--fixed: given twice"),
+        (["--fixed", "K2=-1"], "--fixed: it must be above 0"),
+        (["--fixed", "psi=0", "--prior", "psi=1 +- 1"], "--prior: it has a prior, but is not"),
         (["--prior", "psi=2e-6"], "--prior psi: a prior has a mean and a standard deviation"),
         (["--drag", "cubic"], "--drag: this drag law cannot be identified (got 'cubic')"),
         (["--neutral-std", "0"], "--neutral-std: it must be above 0"),
         (["--speed-std", "1 cm3"], "--speed-std: the unit 'cm3' is of another kind"),
         (["--drive", "setpoint"], "--drive: this does not drive"),
-        (["--bottom", "-1"], "--bottom: it must not be negative"),
+        (["--bottom-depth", "-1"], "--bottom-depth: it must not be negative"),
         (["--where", "run=9"], "none of"),
         (["--column", "depth=z"], "no such column of a log"),
         (["--log-format", "nonsense"], "--log-format: there is no log format"),
@@ -291,7 +291,7 @@ def test_tank_logs_of_the_real_float(capsys, data_dir, tmp_path):
         "log=47,65",
         "--neutral-std",
         "none",
-        "--set",
+        "--fixed",
         "psi=0",
         "--drag",
         "linear",

@@ -98,7 +98,7 @@ def test_the_page_has_everything_and_needs_nothing(capsys, log, tmp_path):
 def test_no_vehicle_of_an_earlier_run_stays_beside_an_answer_without_one(capsys, tmp_path):
     good = bench(tmp_path / "good.csv", [3.0, -3.0, 12.0, -12.0])
     out = tmp_path / "out"
-    given = ("--set", "dead_zone=0.5 V", "--out", out)
+    given = ("--fixed", "dead_zone=0.5 V", "--out", out)
     a = answer(capsys, good, "--vehicle", "feup-em", *given)
     assert str(out / "vehicle.toml") in a["files"]
     answer(capsys, good, *given)
@@ -111,7 +111,7 @@ def test_no_vehicle_of_an_earlier_run_stays_beside_an_answer_without_one(capsys,
 def test_the_page_of_several_logs_shows_each(capsys, tmp_path):
     levels = [3.0, -3.0, 12.0, -12.0]
     logs = [bench(tmp_path / f"run{k}.csv", levels, seed=k) for k in (1, 2)]
-    answer(capsys, *logs, "--set", "dead_zone=0.5 V", "--out", tmp_path / "out")
+    answer(capsys, *logs, "--fixed", "dead_zone=0.5 V", "--out", tmp_path / "out")
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     for name in ("run1.csv", "run2.csv"):
         assert f"<h2>{name} by itself</h2>" in page
@@ -131,7 +131,7 @@ def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
     assert a["parameters"]["K1"]["value"] is None
     assert a["parameters"]["K1"]["why"]
     assert "K1" in shown.err
-    fixed = ["--set", "dead_zone=0.5 V", "--set", "load_voltage=100 mV"]
+    fixed = ["--fixed", "dead_zone=0.5 V", "--fixed", "load_voltage=100 mV"]
     a = answer(capsys, log, *fixed, "--out", tmp_path / "out")
     assert a["parameters"]["load_voltage"] == {
         "value": 0.1,
@@ -144,8 +144,8 @@ def test_what_is_not_told_is_exit_1_with_the_sentence(capsys, tmp_path):
 
 
 def test_what_is_asked_for_decides(capsys, log, tmp_path):
-    answer(capsys, log, "--ask", "K1,dead_zone", "--out", tmp_path)
-    a = answer(capsys, log, "--ask", "rate", "--out", tmp_path, code=1)
+    answer(capsys, log, "--required", "K1,dead_zone", "--out", tmp_path)
+    a = answer(capsys, log, "--required", "rate", "--out", tmp_path, code=1)
     assert a["asked"] == ["rate"]
 
 
@@ -195,10 +195,10 @@ def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        (["--set", "K9=1"], "no such parameter"),
-        (["--set", "K1=2 kg"], "--set K1"),
-        (["--set", "K1"], "NAME=VALUE"),
-        (["--ask", "K1,speed"], "no such parameter"),
+        (["--fixed", "K9=1"], "no such parameter"),
+        (["--fixed", "K1=2 kg"], "--fixed K1"),
+        (["--fixed", "K1"], "NAME=VALUE"),
+        (["--required", "K1,speed"], "no such parameter"),
         (["--column", "piston_m=depth"], "no such column"),
         (["--vehicle", "ntnu-bv"], "driven by positions"),
         (["--where", "run=3"], "run"),

@@ -97,7 +97,7 @@ def test_in_words_and_files(capsys, tmp_path, files):
 
 def test_as_json_with_a_prior_and_a_value(capsys, tmp_path, files):
     out = tmp_path / "out"
-    options = ("--json", "--prior", "valve=0.9 +- 0.05", "--set", "drag=165 N s2/m2")
+    options = ("--json", "--prior", "valve=0.9 +- 0.05", "--fixed", "drag=165 N s2/m2")
     assert run(files, out, *options) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["identified"]
@@ -129,7 +129,7 @@ def test_the_answer_no(capsys, tmp_path, files):
         (("--process-noise", "always"), "no use with --cast"),
         (("--drag", "linear"), "no use with --cast"),
         (("--free", "K2"), "no such parameter of deep dives"),
-        (("--set", "psi=1e-6 m3/m"), "no such parameter"),
+        (("--fixed", "psi=1e-6 m3/m"), "no such parameter"),
         (("--column", "pump_s=Pump"), "no such column"),
         (("--log-format", "mermaid"), "no line with a pressure"),
     ],
@@ -145,7 +145,7 @@ def test_a_cast_is_needed(capsys, files):
     assert main(["identify", str(dive), "--vehicle", str(vehicle)]) == 2
     assert "--cast" in capsys.readouterr().err
     assert main(["identify", "x.csv", "--vehicle", "feup-em", "--cast-where", "a=1"]) == 2
-    assert "no use without --cast" in capsys.readouterr().err
+    assert "how to read a cast, and there is none" in capsys.readouterr().err
 
 
 @pytest.mark.prove
@@ -181,7 +181,7 @@ def test_logs_of_two_floats(capsys, tmp_path, files):
         lines.append(",".join(cells))
     other.write_text("\n".join(lines) + "\n")
     out = tmp_path / "out"
-    held = ("--set", "drag=165 N s2/m2", "--set", "stiffening=3e-18 1/Pa2")
+    held = ("--fixed", "drag=165 N s2/m2", "--fixed", "stiffening=3e-18 1/Pa2")
     assert run(files, out, str(other), *held) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "other.csv" in said or "dive.csv" in said
@@ -212,5 +212,5 @@ def test_a_number_without_a_place(capsys, tmp_path, files):
     assert min(numbers(said)) < -0.001  # 1/K, the least that a vehicle's file may have
     assert "temperature_degC" in said
     assert {p.name for p in out.iterdir()} == {"deep.png", "deep.csv", "deep.json", "report.html"}
-    assert run(files, out, "--set", "drag_up=0.02") == 2
-    assert "--set" in capsys.readouterr().err
+    assert run(files, out, "--fixed", "drag_up=0.02") == 2
+    assert "--fixed" in capsys.readouterr().err

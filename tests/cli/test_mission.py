@@ -317,7 +317,7 @@ def test_of_many_cycles_the_first_and_last_are_printed_and_all_are_written(task,
 
 
 def test_options_of_a_cast_need_one(task, capsys):
-    for option in (["--salinity", "3"], ["--profile", "2"], ["--inversions", "keep"]):
+    for option in (["--salinity", "3"], ["--cast-profile", "2"], ["--inversions", "keep"]):
         assert main(["mission", "example-float", str(task), *option]) == 2
         assert option[0] in capsys.readouterr().err
         assert main(["campaign", "example-float", str(task), "--latitude", "30"]) == 2

@@ -51,7 +51,7 @@ def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
 
 
 def test_the_verdict_is_told_once(rehearsal, capsys, tmp_path):
-    main(["pool", "feup-em", "--simulate", "--most", "1", "--out", str(tmp_path)])
+    main(["pool", "feup-em", "--simulate", "--max-experiments", "1", "--out", str(tmp_path)])
     interim = few(capsys.readouterr().out)
     assert interim.count("At least 3 more") == 1
     _, code, said = rehearsal
@@ -62,7 +62,9 @@ def test_the_verdict_is_told_once(rehearsal, capsys, tmp_path):
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     folder = tmp_path_factory.mktemp("pool")
-    main(["pool", "feup-em", "--simulate", "--most", "2", "--out", str(folder), "--json"])
+    main(
+        ["pool", "feup-em", "--simulate", "--max-experiments", "2", "--out", str(folder), "--json"]
+    )
     return folder / "pool.csv"
 
 
@@ -71,18 +73,17 @@ def log(tmp_path_factory):
     [
         ([], "--simulate"),
         (["--simulate", "--follow", "log.csv"], "--simulate"),
-        (["--simulate", "--target", "K9=2%"], "K9"),
+        (["--simulate", "--target-std", "K9=2%"], "K9"),
         (["--simulate", "--target-std", "200 %"], "--target-std"),
         (["--simulate", "--prior", "psi=4e-6"], "+-"),
-        (["--simulate", "--set", "K7=1"], "K7"),
-        (["--simulate", "--speed", "0"], "--speed"),
+        (["--simulate", "--fixed", "K7=1"], "K7"),
+        (["--simulate", "--real-time-factor", "0"], "--real-time-factor"),
         (["--simulate", "--travel", "1 cm"], "--travel"),
         (["--simulate", "--drag", "cubic"], "cubic"),
         (["--simulate", "--truth", "ntnu-bv"], "--truth"),
         (["--simulate", "--target-std", "2 cm"], "--target-std"),
-        (["--simulate", "--target-std", "1 %", "--target", "K2=2%"], "--target-std"),
-        (["--simulate", "--target", "K2=-5 1/m2/s"], "--target: it must be above 0"),
-        (["--simulate", "--pool-depth", "0.5"], "--pool-depth"),
+        (["--simulate", "--target-std", "K2=-5 1/m2/s"], "--target-std: it must be above 0"),
+        (["--simulate", "--bottom-depth", "0.5"], "--bottom-depth"),
         (["--simulate", "--column", "depth_m=z"], "--column"),
         (["--follow", "there-is-no.csv", "--truth", "feup-em"], "--truth"),
         (["--follow", "there-is-no.csv", "--timeout", "0 s"], "--timeout"),

@@ -7,7 +7,7 @@ from swimbladder.cli import main
 COMMANDS = {
     "compare": ["LOG", "--vehicle"],
     "identify-actuator": ["LOG", "--vehicle"],
-    "design-experiment": ["--pool-depth", "4 m"],
+    "design-experiment": ["--bottom-depth", "4 m"],
     "plan": ["--step", "1:3"],
     "pool": ["--simulate"],
 }

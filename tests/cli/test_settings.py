@@ -7,12 +7,32 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.cli.settings import deviation, known, setting
+from swimbladder.cli.settings import Sought, deviation
 from swimbladder.cli.texts import once
 from swimbladder.errors import InputError
+from swimbladder.estimation.estimates import Prior, read_priors, read_values
 from tests.quoted import refused
 
 UNITS = {"K2": "1/m2/s", "psi": "m3/m", "T2": "s"}
+
+
+def setting(text):
+    """Return name and value, in SI, of a text given to --fixed."""
+    ((name, value),) = read_values(Sought(fixed=[text]).read()["fixed"], UNITS).items()
+    return name, value
+
+
+def known(text):
+    """Return name and prior, in SI, of a text given to --prior."""
+    ((name, prior),) = read_priors(Sought(priors=[text]).read()["priors"], UNITS).items()
+    return name, prior
+
+
+def asked(read, text):
+    """Return what is said where a command reads a text that is none."""
+    with pytest.raises(InputError) as refused, Sought().said_as_typed():
+        read(text)
+    return str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -26,7 +46,7 @@ UNITS = {"K2": "1/m2/s", "psi": "m3/m", "T2": "s"}
     ],
 )
 def test_settings(text, value):
-    assert setting(text, UNITS) == value
+    assert setting(text) == value
 
 
 @pytest.mark.parametrize(
@@ -43,7 +63,7 @@ def test_settings(text, value):
     ],
 )
 def test_priors(text, mean, std):
-    name, prior = known(text, UNITS)
+    name, prior = known(text)
     assert name == "psi"
     assert prior == pytest.approx((mean, std), rel=1e-12)
 
@@ -61,24 +81,31 @@ def test_priors(text, mean, std):
     ],
 )
 def test_no_priors(text, parts):
-    with pytest.raises(InputError) as refused:
-        known(text, UNITS)
+    said = asked(known, text)
     for part in parts:
-        assert part in str(refused.value)
+        assert part in said
 
 
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("psi=2 cm3", "--set psi: the unit 'cm3' is of another kind"),
-        ("psi=", "--set: not a pair"),
-        ("T2=fast", "--set T2: not a number"),
-        ("T3=1", "--set: there is no such parameter"),
+        ("psi=2 cm3", "--fixed psi: the unit 'cm3' is of another kind"),
+        ("psi=", "--fixed: not a pair"),
+        ("T2=fast", "--fixed T2: not a number"),
+        ("T3=1", "--fixed: there is no such parameter"),
     ],
 )
 def test_no_settings(text, part):
-    with pytest.raises(InputError, match=part):
-        setting(text, UNITS)
+    assert part in asked(setting, text)
+
+
+def test_python_reads_the_same_texts_and_numbers():
+    texts = {"psi": "2e-6 +- 1e-6 m3/m", "T2": (40.0, 4), "K2": Prior(7e3, 1e2)}
+    assert read_priors(texts, UNITS) == {"psi": (2e-6, 1e-6), "T2": (40.0, 4.0), "K2": (7e3, 1e2)}
+    assert read_values({"psi": "2 cm3/m", "T2": 40}, UNITS) == {"psi": 2e-6, "T2": 40.0}
+    assert read_priors(None, UNITS) == read_values(None, UNITS) == {}
+    with pytest.raises(InputError, match=r'priors\[T2\]: a prior has .* `priors=\{"T2": "MEAN'):
+        read_priors({"T2": 40.0}, UNITS)
 
 
 def test_deviations():
@@ -91,13 +118,13 @@ def test_deviations():
 
 
 def test_a_name_stands_once():
-    assert once([("a", 1), ("b", 2)], "--set") == {"a": 1, "b": 2}
-    with refused(InputError, field="--set", value="a"):
-        once([("a", 1), ("a", 1)], "--set")
+    assert once([("a", 1), ("b", 2)], "--fixed") == {"a": 1, "b": 2}
+    with refused(InputError, field="--fixed", value="a"):
+        once([("a", 1), ("a", 1)], "--fixed")
 
 
 @given(st.text())
 def test_any_text_is_read_or_refused(text):
-    for read in (lambda: known(f"psi={text}", UNITS), lambda: setting(text, UNITS)):
+    for read in (lambda: known(f"psi={text}"), lambda: setting(text)):
         with contextlib.suppress(InputError):
             read()

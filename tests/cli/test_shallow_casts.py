@@ -45,7 +45,7 @@ def answer(capsys, arguments):
 
 def test_compare_and_ahead_follow_the_cast(capsys, files):
     cast = ["--cast", str(files / "cast.csv")]
-    more = ["--ahead", "10 s", "--fit", "neutral_volume,start_depth,start_speed"]
+    more = ["--horizons", "10 s", "--free", "neutral_volume,start_depth,start_speed"]
     found = [answer(capsys, words(files, "compare", *more, *c)) for c in (cast, [])]
     assert found[0]["rms_m"] < 0.006 < 0.1 < found[1]["rms_m"]
     ahead = [f["ahead"]["horizons"][0]["rms_m"] for f in found]
@@ -97,9 +97,9 @@ def test_identify_of_a_piston_float_takes_the_cast(capsys, files):
 def test_what_does_not_go_together_is_refused(capsys, files, command):
     cast = ["--cast", str(files / "cast.csv")]
     for more, said in (
-        (["--cast-where", "dive=1"], "no use without --cast"),
-        (["--cast-column", "salinity=S"], "no use without --cast"),
-        (["--cast-profile", "2"], "no use without --cast"),
+        (["--cast-where", "dive=1"], "how to read a cast, and there is none"),
+        (["--cast-column", "salinity=S"], "how to read a cast, and there is none"),
+        (["--cast-profile", "2"], "how to read a cast, and there is none"),
         ([*cast, *cast], "2 casts for 1 log"),
         ([*cast, "--drive", "voltage"], "--drive"),
         (["--cast", str(files / "none.csv")], "none.csv"),

@@ -80,7 +80,7 @@ def test_a_float_dives_and_comes_up_again(capsys, tmp_path):
 
 
 def test_a_float_goes_to_one_depth_where_one_is_given(capsys, tmp_path):
-    given = ["--start", "100", "--target", "150", "--duration", "1 h", "--out", str(tmp_path)]
+    given = ["--step", "100:150", "--duration", "1 h", "--out", str(tmp_path)]
     a = answer(capsys, "example-float", *given)
     assert len(a["steps"]) == 1
     assert abs(a["final_depth_m"] - 150.0) < 10.0
@@ -89,7 +89,7 @@ def test_a_float_goes_to_one_depth_where_one_is_given(capsys, tmp_path):
 
 def test_the_papers_step_has_the_numbers_of_an_independent_simulation(capsys, tmp_path):
     """SciPy's LSODA at rtol 1e-9 gives 14.7 %, 37.8 s, 338 s and -99 to +13 cm3 from rest."""
-    step = ["--start", "1.5", "--target", "3.0", "--duration", "400"]
+    step = ["--step", "1.5:3.0", "--duration", "400"]
     a = answer(capsys, "feup-em", *step, "--out", str(tmp_path))
     assert a["overshoot_pct"] == pytest.approx(14.7, abs=0.05)
     assert a["rise90_s"] == pytest.approx(37.8, abs=1e-9)
@@ -179,13 +179,11 @@ def test_options_take_units(capsys, tmp_path):
     one = answer(
         capsys,
         "feup-em",
-        "--start",
-        "150 cm",
-        "--target",
-        "3000 mm",
+        "--step",
+        "150 cm:3000 mm",
         "--duration",
         "1 min",
-        "--bottom",
+        "--bottom-depth",
         "450 cm",
         "--out",
         str(tmp_path),
@@ -193,13 +191,11 @@ def test_options_take_units(capsys, tmp_path):
     two = answer(
         capsys,
         "feup-em",
-        "--start",
-        "1.5",
-        "--target",
-        "3",
+        "--step",
+        "1.5:3",
         "--duration",
         "60",
-        "--bottom",
+        "--bottom-depth",
         "4.5",
         "--out",
         str(tmp_path),
@@ -238,12 +234,12 @@ def test_the_table_says_the_same_as_the_json(capsys, tmp_path, monkeypatch):
 
 def test_events_are_told(capsys, tmp_path):
     path = vehicle_file(tmp_path, 'minimum = "-350 cm3"', 'minimum = "-20 cm3"')
-    a = answer(capsys, path, "--target", "2.9", "--out", str(tmp_path))
+    a = answer(capsys, path, "--step", "1.5:2.9", "--out", str(tmp_path))
     kinds = [event["kind"] for event in a["events"]]
     assert "reached the lower end stop" in kinds
     assert a["volume_range_m3"][0] == pytest.approx(-20e-6, abs=1e-10)
     assert a["steps"][0]["events"] == a["events"]
-    assert main(["simulate", path, "--target", "2.9", "--out", str(tmp_path)]) == 0
+    assert main(["simulate", path, "--step", "1.5:2.9", "--out", str(tmp_path)]) == 0
     assert "reached the lower end stop" in capsys.readouterr().out
 
 
@@ -253,7 +249,7 @@ def test_a_simulation_that_stops_early_is_exit_code_1_with_its_files(capsys, tmp
     for gain in ("-0.1043", "-7.486e-4", "-2.341"):
         text = text.replace(f'"{gain}', f'"{gain[1:]}')
     path = vehicle_file(tmp_path, text=text)
-    arguments = ["--target", "1.0", "--duration", "12 h", "--out", str(tmp_path)]
+    arguments = ["--step", "1.5:1.0", "--duration", "12 h", "--out", str(tmp_path)]
     a = answer(capsys, path, *arguments, code=1)
     assert a["completed"] is False
     assert "12000 m" in a["stop_reason"]
@@ -292,19 +288,19 @@ def test_a_seed_without_noise_is_said_to_change_nothing(capsys, tmp_path, sensor
 @pytest.mark.parametrize(
     ("arguments", "place", "words"),
     [
-        (["--target", "-1"], "--target", "above the surface"),
-        (["--start", "-0.5 m"], "--start", "above the surface"),
-        (["--target", "5", "--bottom", "4.5"], "--target", "below the bottom at 4.5 m"),
-        (["--start", "5", "--bottom", "450 cm"], "--start", "or a deeper bottom"),
-        (["--target", "101"], "--target", "rated for 100 m"),
-        (["--target", "90"], "--target", "passes that depth sinks"),
-        (["--target", "3 kg"], "--target", "Give it in m"),
-        (["--target", "nan"], "--target", "not a number"),
+        (["--step", "1.5:-1"], "--step", "above the surface"),
+        (["--step", "-0.5:3 m"], "--step", "above the surface"),
+        (["--step", "1.5:5", "--bottom-depth", "4.5"], "--step", "below the bottom at 4.5 m"),
+        (["--step", "5:3 m", "--bottom-depth", "450 cm"], "--step", "or a deeper bottom"),
+        (["--step", "1.5:101"], "--step", "rated for 100 m"),
+        (["--step", "1.5:90"], "--step", "passes that depth sinks"),
+        (["--step", "1.5:3 kg"], "--step", "Give it in m"),
+        (["--step", "1.5:nan"], "--step", "not a number"),
         (["--duration", "0"], "--duration", "greater than 0"),
         (["--duration", "-5 min"], "--duration", "greater than 0"),
         (["--duration", "100 ms"], "--duration", "shorter than one sample of 0.3 s"),
         (["--duration", "1e12"], "--duration", "at most 100 million samples"),
-        (["--bottom", "0"], "--bottom", "greater than 0"),
+        (["--bottom-depth", "0"], "--bottom-depth", "greater than 0"),
         (["none.toml"], "none.toml", "there is no such file"),
     ],
 )
@@ -333,8 +329,8 @@ def test_an_error_in_a_mission_is_placed_in_its_file(capsys, tmp_path):
 def test_a_mission_and_options_contradict_each_other(capsys, tmp_path):
     path = tmp_path / "mission.toml"
     path.write_text(MISSION)
-    assert main(["simulate", "feup-em", str(path), "--target", "2"]) == 2
-    assert "--target: the mission file says this already" in capsys.readouterr().err
+    assert main(["simulate", "feup-em", str(path), "--step", "1.5:2"]) == 2
+    assert "--step: the mission file says this already" in capsys.readouterr().err
 
 
 def test_a_vehicle_without_a_controller_is_told_so(capsys, tmp_path):
@@ -411,7 +407,7 @@ def test_a_warm_run_imports_nothing_that_it_does_not_need(tmp_path):
 
 def test_going_below_the_rating_is_said_and_answers_no(tmp_path: Path) -> None:
     """From 1 m down to 999 m the electrohydraulic example cannot stop in time."""
-    command = ["simulate", "example-eh", "--start", "1", "--target", "999", "--duration", "4000"]
+    command = ["simulate", "example-eh", "--step", "1:999", "--duration", "4000"]
     run = subprocess.run(
         [sys.executable, "-m", "swimbladder", *command, "--json", "--out", str(tmp_path)],
         capture_output=True,
@@ -447,7 +443,7 @@ def test_the_supervisor_of_the_file_is_flown_and_its_alarm_answers_no(
     said = capsys.readouterr()
     assert said.out.startswith("feup-em, law cascade and supervisor, 400.2 s in")
     assert f"took over at {told['alarm']['time_s']:.6g} s: {reason}" in said.out
-    alone = answer(capsys, file, "--without-supervisor", *out)
+    alone = answer(capsys, file, "--unsupervised", *out)
     assert (alone["supervised"], alone["alarm"]) == (False, None)
     assert alone["deepest_m"] > 3.0
     assert "law cascade alone" in preset_line(capsys, out)
@@ -463,7 +459,7 @@ def test_a_float_with_a_table_of_it_is_flown_under_its_supervisor(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     text = preset_text("example-float") + "\n[supervisor]\n"
-    given = ["--target", "50", "--duration", "2 h", "--out", str(tmp_path / "out")]
+    given = ["--step", "0:50", "--duration", "2 h", "--out", str(tmp_path / "out")]
     told = answer(capsys, vehicle_file(tmp_path, text=text), *given)
     assert told["supervised"] is True
     assert told["alarm"] is None
@@ -474,5 +470,5 @@ def test_a_float_with_a_table_of_it_is_flown_under_its_supervisor(
     assert set(columns["drive"][lets_in]) <= {2.0, 3.0}
     assert np.all(columns["drive"][~(pumps | lets_in)] == 0.0)
     assert np.abs(columns["run_s"]).max() == 1.0  # a sample
-    alone = answer(capsys, vehicle_file(tmp_path, text=text), "--without-supervisor", *given)
+    alone = answer(capsys, vehicle_file(tmp_path, text=text), "--unsupervised", *given)
     assert alone["supervised"] is False

@@ -33,10 +33,8 @@ def words(lake, folder, *more):
     return [
         "simulate",
         "feup-em",
-        "--start",
-        "1.5",
-        "--target",
-        "6",
+        "--step",
+        "1.5:6",
         "--duration",
         "120",
         "--cast",

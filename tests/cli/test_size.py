@@ -45,7 +45,7 @@ def parts(tmp_path):
 
 def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
     out = tmp_path / "sized"
-    words = ["size", "example-eh", "--depth", "800 m", "--parts", parts, "--out", str(out)]
+    words = ["size", "example-eh", "--max-depth", "800 m", "--parts", parts, "--out", str(out)]
     assert main([*words, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     columns, keys = rows("files-written.md", "size")
@@ -64,16 +64,16 @@ def test_it_writes_a_vehicle_the_drives_and_pictures(capsys, tmp_path, parts):
     with (out / "drives.csv").open() as file:
         table = list(csv.DictReader(file))
     assert set(table[0]) == set(columns)
-    assert float(table[0]["mass_kg"]) == pytest.approx(told["chosen"]["mass"])
+    assert float(table[0]["mass_kg"]) == pytest.approx(told["chosen"]["mass_kg"])
     vehicle = load_vehicle(out / "vehicle.toml")
     assert vehicle.actuator.kind == told["chosen"]["parts"]["kind"] == table[0]["kind"]
-    assert vehicle.stroke.maximum - vehicle.stroke.minimum == pytest.approx(told["stroke"])
+    assert vehicle.stroke.maximum - vehicle.stroke.minimum == pytest.approx(told["stroke_m3"])
     assert json.loads((out / "size.json").read_text()).keys() == told.keys() - {"files"}
 
 
 def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, parts):
     out = tmp_path / "sized"
-    words = ["size", "example-eh", "--depth", "800 m", "--parts", parts, "--out", str(out)]
+    words = ["size", "example-eh", "--max-depth", "800 m", "--parts", parts, "--out", str(out)]
     assert main(words) == 0
     said = capsys.readouterr().out
     assert "least mass: pump-valve, motor, " in said
@@ -87,15 +87,19 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        (["--depth", "-3 m"], 2, "--depth"),
-        (["--depth", "1200 m"], 2, "rated for 1000 m"),
-        (["--least", "cost"], 2, "Allowed: mass, energy"),
+        (["--max-depth", "-3 m"], 2, "--max-depth"),
+        (["--max-depth", "1200 m"], 2, "rated for 1000 m"),
+        (["--goal", "cost"], 2, "Allowed: mass, energy"),
         (["--speed", "3 kg"], 2, "--speed"),
         (["--hotel", "-1 W"], 2, "--hotel: it must be 0 or more (got '-1 W'"),
-        (["--reserve", "10"], 2, "--reserve: it must be 0 or more and 1 at most (got '10')"),
+        (
+            ["--stroke-reserve", "10"],
+            2,
+            "--stroke-reserve: it must be 0 or more and 1 at most (got '10')",
+        ),
         (["--cycles", "0"], 2, "--cycles"),
-        (["--park", "-1 s"], 2, "--park"),
-        (["--largest-mass", "1 kg"], 1, "% of the mass that drive and battery"),
+        (["--park-time", "-1 s"], 2, "--park-time"),
+        (["--max-mass", "1 kg"], 1, "% of the mass that drive and battery"),
     ],
 )
 def test_refusals_name_what_is_wrong_and_write_nothing(

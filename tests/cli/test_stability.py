@@ -16,7 +16,7 @@ QUICK = ["--cells", "5", "--within", "200 s"]
 
 def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
     out = tmp_path / "out"
-    assert main(["stability", "feup-em", "--depth", "0:5 m", *QUICK, "--out", str(out)]) == 0
+    assert main(["stability", "feup-em", "--depth-range", "0:5 m", *QUICK, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert said.index("Small disturbances decay") < said.index("limit cycle from")
     assert "With a whole sample of delay" in said
@@ -36,7 +36,7 @@ def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
 
 def test_robustness_is_a_table_of_gain_and_delay(capsys, tmp_path):
     out = tmp_path / "out"
-    command = ["stability", "feup-em", "--no-maps", "--robustness", "--draws", "20"]
+    command = ["stability", "feup-em", "--no-maps", "--robustness", "--runs", "20"]
     assert main([*command, "--within", "500 s", "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     trials = answer["robustness"]
@@ -71,11 +71,11 @@ def test_an_unstable_loop_is_exit_code_1_with_where_and_what_would_help(capsys, 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--depth", "5:1 m"], "no range of depths"),
+        (["--depth-range", "5:1 m"], "no range of depths"),
         (["--delay", "150 %"], "out of range"),
         (["--cells", "2"], "out of range"),
         (["--within", "0 s"], "out of range"),
-        (["--draws", "3"], "out of range"),
+        (["--runs", "3"], "out of range"),
         (["--voltage-quantum", "1 m"], "of another kind"),
         (["--law", "plannd"], "Did you mean planned?"),
     ],
@@ -95,7 +95,15 @@ def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
 
 
 def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys, tmp_path):
-    command = ["stability", "ntnu-bv", "--depth", "0.2:1.5 m", *QUICK, "--out", str(tmp_path / "o")]
+    command = [
+        "stability",
+        "ntnu-bv",
+        "--depth-range",
+        "0.2:1.5 m",
+        *QUICK,
+        "--out",
+        str(tmp_path / "o"),
+    ]
     code = main(command)
     said = capsys.readouterr().out
     assert code in (0, 1)
@@ -106,13 +114,13 @@ def test_a_float_is_followed_from_decision_to_decision(capsys, tmp_path):
     """By its law alone, also where its file has a table of a supervisor."""
     out, path = tmp_path / "out", tmp_path / "watched.toml"
     path.write_text(preset_text("example-float") + "\n[supervisor]\n", encoding="utf-8")
-    command = ["stability", str(path), "--depth", "100:500 m", "--cells", "5"]
+    command = ["stability", str(path), "--depth-range", "100:500 m", "--cells", "5"]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["linear"] is None
     assert answer["supervised"] is False
     with pytest.raises(InputError, match="without a supervisor"):
-        stability(load_vehicle(path), depths=(100.0, 500.0), supervised=True)
+        stability(load_vehicle(path), depth_range=(100.0, 500.0), supervised=True)
     decisions = answer["decisions"]
     assert 0.0 < decisions["largest_eigenvalue"] < 1.0
     assert {w["way"] for w in decisions["ways"]} == {"far", "near", "ascent"}
@@ -131,7 +139,7 @@ def test_a_float_that_asks_for_too_much_is_exit_code_1_with_its_parameters(capsy
     v = v.model_copy(update={"controller": v.controller.model_copy(update={"parameters": wild})})
     path = tmp_path / "wild.toml"
     path.write_text(vehicle_file(v), encoding="utf-8")
-    command = ["stability", str(path), "--depth", "100:500 m", "--no-maps"]
+    command = ["stability", str(path), "--depth-range", "100:500 m", "--no-maps"]
     assert main([*command, "--out", str(tmp_path / "out")]) == 1
     captured = capsys.readouterr()
     assert "UNSTABLE: with drag" in captured.out

@@ -57,7 +57,7 @@ def test_a_log_in_feet_and_minutes_becomes_firmware_in_three_commands(
     assert f"odd.csv: columns taken by their names: {taken}" in said.err
     found = load_vehicle("swimbladder-identify/vehicle.toml")
     assert pytest.approx(7935.54, rel=0.15) == found.motion.K2
-    quick = ["--law", "adrc", "--runs", "20", "--depth", "0:5 m", "--step", "1.5:3 m"]
+    quick = ["--law", "adrc", "--runs", "20", "--depth-range", "0:5 m", "--step", "1.5:3 m"]
     assert main(["tune", "swimbladder-identify/vehicle.toml", *quick]) == 0
     assert main(["firmware", "swimbladder-tune/vehicle.toml", "--duration", "30"]) == 0
     assert Path("swimbladder-firmware/src/swb_adrc.c").is_file()

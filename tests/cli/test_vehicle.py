@@ -107,7 +107,7 @@ def test_a_new_file_is_short_and_has_every_field_with_full(tmp_path, kind):
 @pytest.mark.parametrize("kind", ["electromechanical", "identified", "positioner"])
 def test_a_new_file_takes_a_piston_by_diameter_and_stroke(tmp_path, kind):
     path = tmp_path / "my.toml"
-    size = ["--piston", "60 mm", "--stroke", "10 cm"]
+    size = ["--piston-diameter", "60 mm", "--piston-stroke", "10 cm"]
     assert main(["vehicle", "new", str(path), "--kind", kind, *size]) == 0
     v, area = load_vehicle(path), math.pi / 4.0 * 0.06**2
     assert 'piston_area = "diameter 60 mm"' in path.read_text("utf-8")
@@ -156,10 +156,19 @@ def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_p
         (["show", "none.toml"], "there is no such file"),
         (["new", "x.toml", "--kind", "electro"], "Kinds: electromechanical, "),
         (["new", "none/x.toml"], "cannot write the file"),
-        (["new", "x.toml", "--kind", "unified", "--piston", "6 cm"], "--piston: this kind"),
-        (["new", "x.toml", "--kind", "pump-valve", "--stroke", "6 cm"], "--stroke: this kind"),
-        (["new", "x.toml", "--piston", "-6 cm"], "--piston: it must be above 0"),
-        (["new", "x.toml", "--stroke", "6 s"], "--stroke: the unit 's' is of another kind"),
+        (
+            ["new", "x.toml", "--kind", "unified", "--piston-diameter", "6 cm"],
+            "--piston-diameter: this kind",
+        ),
+        (
+            ["new", "x.toml", "--kind", "pump-valve", "--piston-stroke", "6 cm"],
+            "--piston-stroke: this kind",
+        ),
+        (["new", "x.toml", "--piston-diameter", "-6 cm"], "--piston-diameter: it must be above 0"),
+        (
+            ["new", "x.toml", "--piston-stroke", "6 s"],
+            "--piston-stroke: the unit 's' is of another kind",
+        ),
     ],
 )
 def test_bad_input_is_exit_code_2(capsys, tmp_path, monkeypatch, arguments, words):
@@ -178,9 +187,9 @@ def test_fields_are_set_and_the_vehicle_is_printed_or_written(capsys, tmp_path):
     assert main(["vehicle", "set", "feup-em", *changes]) == 0
     said = capsys.readouterr().out.splitlines()
     assert "motion.K2: 7935.54 to 6500.0 1/m2/s" in said
-    assert said[-1].startswith("nothing is written: --out FILE")
+    assert said[-1].startswith("nothing is written: --file FILE")
     path = tmp_path / "slow.toml"
-    assert main(["vehicle", "set", "feup-em", *changes, "--out", str(path)]) == 0
+    assert main(["vehicle", "set", "feup-em", *changes, "--file", str(path)]) == 0
     assert path.read_text() == printed
     found = load_vehicle(path)
     given = {"motion.K2": 6500.0, "motion.T2": "42 s", "name": "slow"}
@@ -217,7 +226,7 @@ def test_an_element_of_a_list_is_named_by_its_number():
 )
 def test_what_cannot_be_set_is_refused(capsys, tmp_path, monkeypatch, change, words):
     monkeypatch.chdir(tmp_path)
-    assert main(["vehicle", "set", "feup-em", change, "--out", "x.toml"]) == 2
+    assert main(["vehicle", "set", "feup-em", change, "--file", "x.toml"]) == 2
     captured = capsys.readouterr()
     assert captured.out == ""
     assert words in captured.err

@@ -38,7 +38,7 @@ STEP = {"setpoints": [(0.0, 3.0)], "duration": 400.0, "start_depth": 1.5}
 
 def afloat(vehicle, phases, flown, **more):
     mission = load_mission(phases)
-    return flown(vehicle, mission, uniform_column(vehicle.water, deepest=500.0), **more)
+    return flown(vehicle, mission, uniform_column(vehicle.water, max_depth=500.0), **more)
 
 
 # Each command's words after its vehicle, and the function behind it.
@@ -50,10 +50,10 @@ COMMANDS = {
     "compare-laws": ([], lambda v, _: compare_laws(v)),
     "firmware": (
         ["--time-limit", "2 h"],
-        lambda v, _: firmware(limited(v), start_depth=1.5, target=3.0, duration=400.0),
+        lambda v, _: firmware(limited(v), step=(1.5, 3.0), duration=400.0),
     ),
     "faults": (["--time-limit", "2 h"], lambda v, _: faults(limited(v), missions=20)),
-    "plan": (["--step", "1:3"], lambda v, _: plan(v, 1.0, 3.0)),
+    "plan": (["--step", "1:3"], lambda v, _: plan(v, (1.0, 3.0))),
     "mission": (["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (
         ["PHASES", "--floats", "4", "--cast", "CAST"],
@@ -142,25 +142,29 @@ def test_a_law_that_does_not_fit(kind, command, tmp_path, capsys):
 DEEP = {
     "simulate": (
         "feup-em",
-        ["--target", "120 m"],
+        ["--step", "1.5:120 m"],
         lambda v, _: simulate(v, setpoints=[(0.0, 120.0)], duration=400.0, start_depth=1.5),
     ),
     "firmware": (
         "feup-em",
-        ["--target", "120 m", "--time-limit", "2 h"],
-        lambda v, _: firmware(limited(v), start_depth=1.5, target=120.0, duration=400.0),
+        ["--step", "1.5:120 m", "--time-limit", "2 h"],
+        lambda v, _: firmware(limited(v), step=(1.5, 120.0), duration=400.0),
     ),
-    "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, 1.0, 120.0)),
-    "tune": ("feup-em", ["--depth", "0:120 m"], lambda v, _: tune(v, depths=(0.0, 120.0))),
+    "plan": ("feup-em", ["--step", "1:120"], lambda v, _: plan(v, (1.0, 120.0))),
+    "tune": (
+        "feup-em",
+        ["--depth-range", "0:120 m"],
+        lambda v, _: tune(v, depth_range=(0.0, 120.0)),
+    ),
     "compare-laws": (
         "feup-em",
-        ["--depth", "0:120 m"],
-        lambda v, _: compare_laws(v, depths=(0.0, 120.0)),
+        ["--depth-range", "0:120 m"],
+        lambda v, _: compare_laws(v, depth_range=(0.0, 120.0)),
     ),
     "faults": (
         "feup-em",
-        ["--depth", "1:120 m", "--time-limit", "2 h"],
-        lambda v, _: faults(limited(v), missions=20, depths=(1.0, 120.0)),
+        ["--depth-range", "1:120 m", "--time-limit", "2 h"],
+        lambda v, _: faults(limited(v), missions=20, depth_range=(1.0, 120.0)),
     ),
     "mission": ("example-float", ["PHASES"], lambda v, m: afloat(v, m, fly_mission)),
     "campaign": (
@@ -190,7 +194,9 @@ def test_a_depth_beyond_the_rating_or_the_cast(command, tmp_path, capsys):
     if isinstance(caught.value, InputError):
         assert caught.value.remedy
         assert caught.value.remedy in said
-        assert caught.value.field in {"setpoints[0].depth", "target", "step", "depths", "cast"}
+        assert caught.value.field in {"setpoints[0].depth", "step", "depth_range", "cast"}
         assert caught.value.value in {120.0, "120 m", 500.0}
     else:
-        assert as_asked(str(caught.value), {"depths": "--depth", "step": "--step"}) in said
+        assert (
+            as_asked(str(caught.value), {"depth_range": "--depth-range", "step": "--step"}) in said
+        )

@@ -98,7 +98,7 @@ def _libraries(name: str) -> Iterable[Library]:
     for vehicle in vehicles(name):
         if LAWS[name].command == "volume change":
             target, duration = DIVES[name]
-            yield firmware(limited(vehicle), target=target, duration=duration)
+            yield firmware(limited(vehicle), step=(0.0, target), duration=duration)
         else:
             yield firmware(limited(vehicle), duration=100 * example(name).tick)
 

@@ -56,7 +56,7 @@ def library(name: str) -> Library:
     """Return a law's library; the cascade's has the pool procedure, a float's is a dive to 30 m."""
     if LAWS[name].command == "volume change":
         target, duration = (30.0, 1500.0) if name == "rate" else DIVES[name]
-        return firmware(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
+        return firmware(limited(load_vehicle(FLOATS[name])), step=(0.0, target), duration=duration)
     pool = PoolOptions(4.5, rounds=2) if name == "cascade" else None
     return firmware(limited(controlled(name)), duration=100 * example(name).tick, pool=pool)
 

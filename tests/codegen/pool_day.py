@@ -48,7 +48,7 @@ const char *words(int phase) { return swb_pool_words((int8_t)phase); }
 @cache
 def library() -> Library:
     """Two rounds, 30 and 60 cm3, in a pool of 4.5 m."""
-    options = PoolOptions(4.5, first=VOLUMES[0], last=VOLUMES[1], rounds=2)
+    options = PoolOptions(4.5, volume_changes=(VOLUMES[0], VOLUMES[1]), rounds=2)
     return firmware(limited(paper(sensors=SENSORS)), duration=30.0, pool=options)
 
 
@@ -168,7 +168,7 @@ def fly_on_chip(made: Library, chip: Chip) -> tuple[int, int]:
         return said[-1]
 
     beside.tick = noted  # type: ignore[method-assign]
-    rehearse(made.vehicle, beside, pool_depth=made.pool.options.depth, seed=1, fly=fly)
+    rehearse(made.vehicle, beside, bottom_depth=made.pool.options.bottom_depth, seed=1, fly=fly)
     return ticks, unequal
 
 
@@ -237,7 +237,7 @@ class SketchInWater:
             rehearse(
                 self.made.vehicle,
                 day_twin(self.made),
-                pool_depth=self.made.pool.options.depth,
+                bottom_depth=self.made.pool.options.bottom_depth,
                 seed=seed,
                 fly=fly,
             )

@@ -110,7 +110,9 @@ class TestOnAnAtmega:
     @pytest.mark.prove
     def test_it_flies_faults_to_the_bit(self, feup, programs, tmp_path):
         with hardware.avr_board(programs["atmega2560"], "atmega2560") as port:
-            answer = board(limited(feup), port, replace(SHORT, faults=10, steps=True), out=tmp_path)
+            answer = board(
+                limited(feup), port, replace(SHORT, missions=10, steps=True), out=tmp_path
+            )
         assert answer.equal
         assert len(answer.flights) == 13
         assert sum(bool(flight.reason) for flight in answer.flights) > 5
@@ -128,7 +130,7 @@ def test_a_cortex_m_flies_to_the_bit(made, feup, tmp_path):
 
 def fly_steps(name: str, folder) -> None:
     floats = LAWS[name].command == "volume change"
-    dive = {"target": 30.0, "duration": 1200.0}
+    dive = {"step": (0.0, 30.0), "duration": 1200.0}
     made = firmware(limited(load_vehicle(FLOATS[name])), **dive) if floats else library(name)
     asked = Flights(**dive, steps=True) if floats else Flights(duration=60.0, steps=True)
     done: list[float] = []
@@ -171,7 +173,7 @@ def faults_as_at_hand(feup, port, asked, folder) -> set[str]:
     """Fly missions with faults, by the board and by the C at hand; return the kinds of fault."""
     answer = board(limited(feup), port, asked, out=folder)
     assert answer.equal
-    assert len(answer.flights) == 2 + asked.faults
+    assert len(answer.flights) == 2 + asked.missions
     assert answer.not_flown == ("law hangs", "law waits for ever", "bit flips")
     assert not any(name in flight.ended for name in answer.not_flown for flight in answer.flights)
     for n, flight in enumerate(answer.flights[1:-1], 1):
@@ -194,13 +196,15 @@ def test_faults_do_to_the_board_what_they_do_to_the_c_at_hand(feup, host, tmp_pa
     """Among them what concerns the board itself: resets, and ticks that are lost."""
     with host() as port:
         seed, kinds = ON_BOARD
-        assert kinds < faults_as_at_hand(feup, port, replace(SHORT, faults=2, seed=seed), tmp_path)
+        assert kinds < faults_as_at_hand(
+            feup, port, replace(SHORT, missions=2, seed=seed), tmp_path
+        )
 
 
 @pytest.mark.prove
 def test_the_catalogue_does_to_the_board_what_it_does_to_the_c_at_hand(feup, host, tmp_path):
     with host() as port:
-        found = faults_as_at_hand(feup, port, replace(SHORT, faults=60), tmp_path)
+        found = faults_as_at_hand(feup, port, replace(SHORT, missions=60), tmp_path)
     assert len(found) > 30
 
 
@@ -349,7 +353,7 @@ def test_an_interruption_keeps_the_log(feup, host, tmp_path):
 def test_a_cable_that_is_pulled_leaves_the_model_safe(host, faults, tmp_path, capsys):
     # answers before the flight: hello, another flight, and what begins each
     before = 1 + 101 * faults + BEGINS * (1 + faults)
-    words = ["--faults", "1", "--duration", "30 s"] if faults else []
+    words = ["--missions", "1", "--duration", "30 s"] if faults else []
     with host("dies", before + 60) as port:
         out = str(tmp_path / "out")
         assert (
@@ -432,7 +436,7 @@ def test_a_port_that_does_not_exist(capsys, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("faults", [-1, 2.5])
-def test_a_number_of_missions_that_is_none(feup, faults, tmp_path):
-    with pytest.raises(InputError, match="faults: must be a whole number"):
-        board(limited(feup), "/dev/no-board", Flights(faults=faults), out=tmp_path / "out")
+@pytest.mark.parametrize("missions", [-1, 2.5])
+def test_a_number_of_missions_that_is_none(feup, missions, tmp_path):
+    with pytest.raises(InputError, match="missions: must be a whole number"):
+        board(limited(feup), "/dev/no-board", Flights(missions=missions), out=tmp_path / "out")

@@ -83,7 +83,7 @@ def fits(name, board, folder):
     mcu, made_core = board
     if name in FLOATS:
         target, duration = DIVES[name]
-        made = firmware(limited(load_vehicle(FLOATS[name])), target=target, duration=duration)
+        made = firmware(limited(load_vehicle(FLOATS[name])), step=(0.0, target), duration=duration)
     else:
         made = library(name)
     text = filled(made.files["examples/FloatAVR/FloatAVR.ino"])

@@ -65,7 +65,7 @@ def library(noisy: bool = False) -> Library:
     """A dive to 30 m and up again, 25 minutes; with noise, 90 minutes of 100 m."""
     if noisy:
         return firmware(limited(the_float(sensors=NOISE, supervisor=Supervisor(time_limit="2 h"))))
-    return firmware(limited(the_float()), target=30.0, duration=1500.0)
+    return firmware(limited(the_float()), step=(0.0, 30.0), duration=1500.0)
 
 
 def _spoilt(made: Library) -> tuple[list[Watched], list[float]]:
@@ -271,7 +271,7 @@ class TestTheC:
     def test_a_time_limit_and_a_reset_bring_it_up(self, gcc, tmp_path):  # noqa: ARG002
         made = firmware(
             limited(the_float(supervisor=Supervisor(time_limit="300 s"))),
-            target=30.0,
+            step=(0.0, 30.0),
             duration=300.0,
         )
         other, twin = VehicleInC(made, tmp_path), chip.vehicle_twin(made)
@@ -343,7 +343,7 @@ class TestTheDive:
     def test_a_float_that_passes_its_depth_limit_turns_round_above_the_deepest(self):
         """Asked for more than the limit, at twice the speed of its law."""
         vehicle = the_float(supervisor=Supervisor(depth_limit="150 m"))
-        made = firmware(limited(vehicle), target=100.0, duration=300.0)
+        made = firmware(limited(vehicle), step=(0.0, 100.0), duration=300.0)
         board = chip.vehicle_twin(made)
 
         def tick(measured, asked):
@@ -360,7 +360,7 @@ class TestTheDive:
     def test_simulate_flies_the_board_tick_by_tick(self):
         """Law and supervisor in the loop do what those of the board do that is flown beside it."""
         vehicle = the_float(supervisor=Supervisor(time_limit="2 h"))
-        board = firmware(vehicle, target=100.0, duration=300.0).in_double()
+        board = firmware(vehicle, step=(0.0, 100.0), duration=300.0).in_double()
         asked = np.where(np.arange(9001) < 4000, 100.0, 20.0)
 
         def tick(seen, reference):
@@ -774,11 +774,16 @@ class TestRefusals:
     def test_a_pool_day(self):
         with pytest.raises(InputError) as caught:
             firmware(limited(the_float()), pool=PoolOptions(4.5))
-        assert caught.value.field == "depth"
+        assert caught.value.field == "bottom_depth"
 
     @pytest.mark.parametrize(
         ("option", "value"),
-        [("--start", "-1 m"), ("--target", "3 m"), ("--target", "1900 m"), ("--duration", "0 s")],
+        [
+            ("--step", "-1:100 m"),
+            ("--step", "0:3 m"),
+            ("--step", "0:1900 m"),
+            ("--duration", "0 s"),
+        ],
     )
     def test_a_golden_mission_that_is_none(self, option, value, capsys, tmp_path):
         out = ["--out", str(tmp_path / "library")]

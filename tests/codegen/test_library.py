@@ -564,14 +564,14 @@ def test_a_controller_that_loses_the_vehicle_gets_no_library():
 
     mad = Controller(law="cascade", sample_time=0.3, parameters=TABLE_3 | {"k_pV": "-2e5 V/m3"})
     with pytest.raises(NoAnswerError, match="golden mission"):
-        firmware(limited(paper(controller=mad)), start_depth=3.0, target=1.5, duration=6000.0)
+        firmware(limited(paper(controller=mad)), step=(3.0, 1.5), duration=6000.0)
 
 
 def test_a_supervisor_that_a_healthy_vehicle_does_not_satisfy_gets_no_library():
     vehicle = paper(supervisor=Supervisor(depth_limit="2.5 m"))
     said = r"golden mission .* \(depth limit or too fast to turn\), and nothing is"
     with pytest.raises(NoAnswerError, match=said):
-        firmware(limited(vehicle), target=2.4)
+        firmware(limited(vehicle), step=(1.5, 2.4))
 
 
 def for_depths(*depths: float, supervisor: Supervisor | None = None) -> Vehicle:
@@ -607,7 +607,7 @@ class TestTheFirstDepth:
 
     @pytest.mark.parametrize("target", [4.9, 20.1])
     def test_another_one_is_refused(self, target):
-        said = rf"target: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
+        said = rf"step: the controller was tuned for 5 to 20 m, .* \(got {target}, .* m\)"
         with pytest.raises(InputError, match=said):
             plan_program(for_depths(5.0, 20.0), (None, target, None))
         plan_program(for_depths(5.0, 20.0), (None, 20.0, None))

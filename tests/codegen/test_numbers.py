@@ -1,6 +1,7 @@
 """The numbers that a library is made around: missions, waits, scales, what is said of a board."""
 
 import math
+from dataclasses import astuple, replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -352,7 +353,7 @@ def test_pool_numbers_follow_from_pool_stroke_and_trim():
     """More from round to round by even steps; a metre under the bottom is the bottom."""
     vehicle = paper(trim_error=-30e-6)
     limits, p = supervisor_parameters(vehicle, 0.3), plant(vehicle)
-    options = PoolOptions(4.5, clearance=0.8, first=20e-6, last=80e-6, rounds=4)
+    options = PoolOptions(4.5, clearance=0.8, volume_changes=(20e-6, 80e-6), rounds=4)
     found = board_procedure(vehicle, options, limits)
     assert found.shallow == pytest.approx(p.z_surface + 0.8)
     assert found.deep == pytest.approx(4.5 - 0.8)
@@ -360,10 +361,12 @@ def test_pool_numbers_follow_from_pool_stroke_and_trim():
     assert (found.depth_least, found.depth_most) == (limits.depth.depth_least, 5.5)
     ends = limits.volume
     assert (found.volume_least, found.volume_most) == (ends.volume_least, ends.volume_most)
-    one = board_procedure(vehicle, options._replace(rounds=1, last=20e-6), limits)
+    one = board_procedure(
+        vehicle, replace(options, rounds=1, volume_changes=(20e-6, 20e-6)), limits
+    )
     assert (one.rounds, one.more) == (1.0, 0.0)
     # its supervisor's end lifts it from the bottom, or it goes on to the end stop
-    small = PoolOptions(4.5, first=1e-6, last=1e-6, rounds=1)
+    small = PoolOptions(4.5, volume_changes=(1e-6, 1e-6), rounds=1)
     lifts = p.V_0 + limits.neutral.neutral_range + p.psi * 4.5
     for top, end in ((lifts * (1.0 - 1e-9), p.V_max), (lifts * (1.0 + 1e-9), None)):
         high = limits._replace(volume=ends._replace(volume_high=top))
@@ -373,9 +376,9 @@ def test_pool_numbers_follow_from_pool_stroke_and_trim():
 
 def test_a_pool_day_is_the_papers_where_nothing_else_is_asked_for():
     """Four rounds of 20 to 75 cm3, 75 cm clear of surface and bottom: as the how-to says."""
-    assert PoolOptions(4.5) == (4.5, 0.75, 20e-6, 75e-6, 4)
+    assert astuple(PoolOptions(4.5)) == (4.5, 0.75, (20e-6, 75e-6), 4)
     assert PoolOptions(4.5).volumes == "20 to 75 cm3"
-    assert PoolOptions(4.5, last=20e-6).volumes == "20 cm3"
+    assert PoolOptions(4.5, volume_changes=(20e-6, 20e-6)).volumes == "20 cm3"
 
 
 def test_a_loop_made_for_want_of_a_cascade_is_slow_against_the_sample_time():
@@ -395,7 +398,7 @@ def test_a_loop_made_for_want_of_a_cascade_is_slow_against_the_sample_time():
         (PoolOptions(0.6, clearance=0.15), None),  # 0.3 m, to the bit
         (PoolOptions(4.5, clearance=0.1001), None),
         (PoolOptions(4.5, clearance=0.1), "rest clear of it"),
-        (PoolOptions(4.5, first=20e-6, last=20e-6, rounds=1), None),
+        (PoolOptions(4.5, volume_changes=(20e-6, 20e-6), rounds=1), None),
         (PoolOptions(4.5, rounds=-1), "one at least"),
     ],
 )
@@ -421,7 +424,7 @@ def test_a_change_of_volume_is_as_large_as_stroke_and_trim_leave_room_for(trim):
     assert room > 0.0
     for change, refused in ((room * (1.0 - 1e-9), False), (room * (1.0 + 1e-9), True)):
         for pair in ((20e-6, change), (change, 20e-6)):
-            options = PoolOptions(4.5, first=pair[0], last=pair[1])
+            options = PoolOptions(4.5, volume_changes=(pair[0], pair[1]))
             if refused:
                 with pytest.raises(InputError, match=rf"at most {room * 1e6:.3g} cm3"):
                     board_procedure(vehicle, options, limits)

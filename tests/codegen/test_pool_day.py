@@ -172,7 +172,7 @@ def test_a_day_with_faults_is_equal_to_the_bit(day):
         supervisor=plain.supervisor,
     ).begin(day)
     with pytest.raises(NoAnswerError, match="the supervisor said 'depth missing'"):
-        rehearse(made.vehicle, beside, pool_depth=4.5, seed=2)
+        rehearse(made.vehicle, beside, bottom_depth=4.5, seed=2)
     assert beside.k > 6500
     assert beside.unequal == 0
     assert beside.went == set(Does) - {Does.DONE}
@@ -256,7 +256,7 @@ def test_the_log_of_a_sketch_in_water_tells_the_vehicle(board, tmp_path, capsys)
         "--follow",
         str(log),
         "--no-wait",
-        "--pool-depth",
+        "--bottom-depth",
         "4.5 m",
         "--target-std",
         "4 %",
@@ -355,7 +355,9 @@ class TestNumbers:
     def test_other_laws_hold_with_a_cascade(self, law):
         vehicle = controlled(law).model_copy(update={"sensors": SENSORS})
         limits = supervisor_parameters(vehicle, vehicle.controller.sample_time, in_pool=True)
-        done = plan_pool_day(vehicle, PoolOptions(4.5, rounds=1, last=20e-6), limits, seed=1)
+        done = plan_pool_day(
+            vehicle, PoolOptions(4.5, rounds=1, volume_changes=(20e-6, 20e-6)), limits, seed=1
+        )
         assert done.own_loop == (law == "sea-cascade")
         assert 8.0 < done.rehearsal.minutes < 20.0
 
@@ -366,13 +368,13 @@ class TestNumbers:
         """It is yet to be identified: neither procedure nor supervisor may take that ill."""
         vehicle = paper(sensors=SENSORS)
         limits = supervisor_parameters(vehicle, 0.3, in_pool=True)
-        p = board_procedure(vehicle, PoolOptions(4.5, first=20e-6), limits)
+        p = board_procedure(vehicle, PoolOptions(4.5, volume_changes=(20e-6, 75e-6)), limits)
         motion = vehicle.motion.model_copy(
             update={"K2": vehicle.motion.K2 * K2, "T2": vehicle.motion.T2 * T2}
         )
         truth = vehicle.model_copy(update={"motion": motion, "trim_error": trim})
         beside = PoolTwin(p._replace(rounds=1.0), limits, procedure=POOL, supervisor=SUPERVISOR)
-        rehearse(truth, beside, pool_depth=4.5, seed=3)
+        rehearse(truth, beside, bottom_depth=4.5, seed=3)
         assert beside.state.completed == 1.0
 
     @pytest.mark.parametrize(
@@ -381,9 +383,9 @@ class TestNumbers:
             (PoolOptions(1.6), "between the depths of rest"),
             (PoolOptions(4.5, clearance=0.09), "rest clear of it"),
             (PoolOptions(60.0), "supervisor brings the vehicle up"),
-            (PoolOptions(4.5, last=250e-6), "at most 212 cm3"),
-            (PoolOptions(4.5, first=0.0), "above 0"),
-            (PoolOptions(4.5, first=math.nan), "above 0"),
+            (PoolOptions(4.5, volume_changes=(20e-6, 250e-6)), "at most 212 cm3"),
+            (PoolOptions(4.5, volume_changes=(0.0, 75e-6)), "above 0"),
+            (PoolOptions(4.5, volume_changes=(math.nan, 75e-6)), "above 0"),
             (PoolOptions(4.5, rounds=0), "one at least"),
             (PoolOptions(4.5, rounds=1), "a single volume"),
         ],
@@ -396,14 +398,17 @@ class TestNumbers:
     def test_the_volume_that_is_still_taken_fits(self):
         """350 cm3 less a tenth at either end, 87.5 cm3 of trim, and psi 3.75 m: 212.4 cm3."""
         vehicle = paper()
-        options = PoolOptions(4.5, last=212e-6)
+        options = PoolOptions(4.5, volume_changes=(20e-6, 212e-6))
         p = board_procedure(vehicle, options, supervisor_parameters(vehicle, 0.3))
         assert vehicle.neutral_volume(3.75) + 87.5e-6 + 212e-6 < 315e-6
         assert p.end_volume == pytest.approx(315e-6)
 
     def test_a_heavy_vehicle_has_less_room_inward_at_the_shallow_rest(self):
         """Neutral at -100.2 cm3 and psi 0.75 m, 87.5 cm3 of trim, an end at -315: 130.3 cm3."""
-        vehicle, options = paper(trim_error=-100.2e-6), PoolOptions(4.5, last=140e-6)
+        vehicle, options = (
+            paper(trim_error=-100.2e-6),
+            PoolOptions(4.5, volume_changes=(20e-6, 140e-6)),
+        )
         with pytest.raises(InputError, match="at most 130 cm3"):
             board_procedure(vehicle, options, supervisor_parameters(vehicle, 0.3))
 
@@ -423,7 +428,7 @@ class TestNumbers:
         beside = PoolTwin(made.pool.parameters, limits, procedure=POOL, supervisor=SUPERVISOR)
         said = "ended in waiting, round 1: the supervisor said 'time limit'"
         with pytest.raises(NoAnswerError, match=said):
-            rehearse(made.vehicle, beside, pool_depth=4.5, seed=1)
+            rehearse(made.vehicle, beside, bottom_depth=4.5, seed=1)
 
     def test_a_positioner_is_refused(self):
         vehicle = load_vehicle("ntnu-bv")
@@ -433,7 +438,11 @@ class TestNumbers:
     def test_a_loop_that_does_not_come_to_rest_gets_no_library(self):
         vehicle = load_vehicle("example-eh")
         with pytest.raises(NoAnswerError, match=r"in \(a\) hold, round 1 it took longer than 1200"):
-            firmware(limited(vehicle), duration=30.0, pool=PoolOptions(4.5, rounds=1, last=20e-6))
+            firmware(
+                limited(vehicle),
+                duration=30.0,
+                pool=PoolOptions(4.5, rounds=1, volume_changes=(20e-6, 20e-6)),
+            )
 
 
 def paper_loop():

@@ -120,6 +120,6 @@ def test_steps_of_a_float_go_down_by_half_down_again_and_up():
 def test_the_shortest_golden_mission_of_a_float_is_a_tick():
     """It begins at its first tick, and ends at the next; one that has not dived is refused."""
     vehicle = limited(load_vehicle("example-float"))
-    ran = firmware(vehicle, start_depth=30.0, target=30.0, duration=0.4)
+    ran = firmware(vehicle, step=(30.0, 30.0), duration=0.4)
     assert len(ran.golden.depth) == 2
     assert math.isclose(ran.golden.depth[0], 30.0, abs_tol=1e-3)

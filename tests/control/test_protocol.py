@@ -23,7 +23,7 @@ def parameters(**changes):
         rate_per_volt=4.44e-4 * 75e-4,
         limit=12.0,
         load_voltage=0.07707,
-        pool_depth=4.5,
+        bottom_depth=4.5,
         clearance=0.75,
         change=dV,
     )

@@ -40,7 +40,7 @@ def slow():
         partial(simulate, **STEP),
         partial(simulate_ensemble, count=2, **STEP),
         by_mission,
-        partial(compare_laws, laws=[], depths=(2.0, 8.0)),
+        partial(compare_laws, laws=[], depth_range=(2.0, 8.0)),
     ],
     ids=["simulate", "ensemble", "mission", "compare-laws"],
 )
@@ -79,6 +79,6 @@ def test_missions_with_faults_are_within_the_stroke_in_the_vehicles_own_water_to
     hull = vehicle.hull.model_copy(update={"psi": -0.02e-6, "parts": (), "trapped_air": 0.0})
     stroke = vehicle.stroke.model_copy(update={"minimum": -3e-6, "maximum": 3e-6})
     short = vehicle.model_copy(update={"hull": hull, "stroke": stroke})
-    with refused(InputError, field="depths", value=250.0):
+    with refused(InputError, field="depth_range", value=250.0):
         course_of(usual(short, (11.0, 250.0)), (11.0, 250.0))
     assert course_of(usual(short, (11.0, 140.0)), (11.0, 140.0)).depths[:2] == (11.0, 140.0)

@@ -18,7 +18,7 @@ COMMAND = re.compile(
 )
 OTHERS = {"sim/faults/c_interface.py", "jobs.py"}  # options of other programs
 OTHERS |= {f"show/{name}.py" for name in ("energy", "faults", "text")}  # what is typed next
-TABLE = {"goal": "--goal", "hold": "--hold", "columns": "--column", "supervised": "--no-supervisor"}
+TABLE = {"goal": "--goal", "hold": "--hold", "columns": "--column", "supervised": "--unsupervised"}
 TABLE |= {"span": "--span", "fixed": "--fixed", "step": "--step", "out": "--out"}
 
 
@@ -59,7 +59,7 @@ def test_what_texts_call_parameters_is_one_of_an_option_and_of_python():
         ("`hold='1 cm'`", '--hold "1 cm"'),
         (column_as("depth_m", 'z "abs"@cm'), '--column "depth_m=z "abs"@cm"'),
         ("`fixed={'a': 1, 'b': 'x'}`", '--fixed "a=1" --fixed "b=x"'),
-        ("`supervised=False`", "--no-supervisor"),
+        ("`supervised=False`", "--unsupervised"),
         ("`step=(1.5, 3)`", "--step 1.5:3"),
         ("`other=3`", "`other=3`"),
         ("`hold=a b`", "--hold a b"),
@@ -77,8 +77,8 @@ def test_an_error_has_the_options_of_what_it_names():
     assert str(error) == "fixed[psi]: no (got 2.0). Give `goal='fast'`."
     in_a_file = InputError("no", file="a.toml", field="hold")
     assert str(in_a_file.asked(TABLE)) == "a.toml, hold: no."
-    whole = {**TABLE, "setpoints[0].depth": "--target"}
-    assert InputError("no", field="setpoints[0].depth").asked(whole).field == "--target"
+    whole = {**TABLE, "setpoints[0].depth": "--step"}
+    assert InputError("no", field="setpoints[0].depth").asked(whole).field == "--step"
     assert InputError("no", field="setpoints[1].depth").asked(whole).field == "setpoints[1].depth"
     beside = InputError("no", file="a", field=Parameter("out")).asked(TABLE)
     assert str(beside) == "a, --out: no."

@@ -9,7 +9,7 @@ from swimbladder.errors import InputError
 
 TEXT = """
 schema_version = 1
-pool_depth = "4.5 m"
+bottom_depth = "4.5 m"
 shallowest = "0.75 m"
 deepest = 3.75
 sample_time = "300 ms"
@@ -78,7 +78,7 @@ def test_a_plan_reads_back_as_it_was(tmp_path_factory, first, later, start, long
     plan = Plan.model_validate(
         {
             "name": 'a "name"',
-            "pool_depth": 4.5,
+            "bottom_depth": 4.5,
             "shallowest": 0.75,
             "deepest": 3.75,
             "sample_time": 0.3,

@@ -126,7 +126,7 @@ def test_what_compare_writes(capsys, tmp_path):
             "example-em",
             "--drive",
             drive,
-            "--fit",
+            "--free",
             "none",
             "--out",
             str(folder),
@@ -141,7 +141,7 @@ def test_what_compare_writes(capsys, tmp_path):
         str(log),
         "--vehicle",
         "example-em",
-        "--ahead",
+        "--horizons",
         "10 s",
         "--out",
         str(tmp_path),
@@ -155,7 +155,7 @@ def test_what_compare_writes(capsys, tmp_path):
 @pytest.mark.slow
 def test_what_identify_writes(capsys, tmp_path):
     columns, keys = rows("files-written.md", "identify")
-    steps = ["--start", "3.0", "--target", "1.5", "--duration", "60"]
+    steps = ["--step", "3.0:1.5", "--duration", "60"]
     main(["simulate", "feup-em", *steps, "--out", str(tmp_path / "log"), "--json"])
     capsys.readouterr()
     log = str(tmp_path / "log" / "trajectory.csv")
@@ -166,7 +166,7 @@ def test_what_identify_writes(capsys, tmp_path):
         log,
         "--vehicle",
         "feup-em",
-        "--set",
+        "--fixed",
         "psi=4.04 cm3/m",
         "--paper",
         "--out",
@@ -197,7 +197,7 @@ def test_what_identify_actuator_writes(capsys, tmp_path):
         capsys,
         "identify-actuator",
         str(log),
-        "--ask",
+        "--required",
         "K1",
         "--vehicle",
         "feup-em",
@@ -217,15 +217,15 @@ def test_what_design_experiment_writes(capsys, tmp_path):
         capsys,
         "design-experiment",
         "feup-em",
-        "--pool-depth",
+        "--bottom-depth",
         "4.5",
-        "--sensor-std",
+        "--depth-noise",
         "2 mm",
         "--settling",
         "5 min",
-        "--moves",
+        "--max-moves",
         "1",
-        "--runs",
+        "--max-experiments",
         "2",
         "--out",
         str(tmp_path),
@@ -251,7 +251,7 @@ def test_what_design_experiment_writes(capsys, tmp_path):
 
 def test_what_pool_writes(capsys, tmp_path):
     columns, keys = rows("files-written.md", "pool")
-    given = ["--simulate", "--most", "1", "--json", "--out", str(tmp_path)]
+    given = ["--simulate", "--max-experiments", "1", "--json", "--out", str(tmp_path)]
     assert main(["pool", "feup-em", *given]) == 1
     told = json.loads(capsys.readouterr().out)
     check(keys, told)

@@ -100,9 +100,11 @@ LAWS = (
     "position-pid",
     "position-observer",
 )
-SIMULATED = "simulate feup-em --start 1.5 --target 2.5 --duration 60 --out before"
+SIMULATED = "simulate feup-em --step 1.5:2.5 --duration 60 --out before"
 POOL = "pool.csv --vehicle feup-em --where run=1,2,3,4"
-EXPERIMENT = "--pool-depth 4.5~m --sensor-std 2~mm --settling 5~min --moves 1 --runs 2"
+EXPERIMENT = (
+    "--bottom-depth 4.5~m --depth-noise 2~mm --settling 5~min --max-moves 1 --max-experiments 2"
+)
 
 CASES: tuple[Case, ...] = (
     *(_case(f"simulate-{v}", f"simulate {v} --duration 90~s --netcdf") for v in LOOPS),
@@ -112,7 +114,7 @@ CASES: tuple[Case, ...] = (
     ),
     _case(
         "simulate-feup-em-cast",
-        "simulate feup-em --duration 60~s --cast pond.csv --bottom 4~m --latitude 45",
+        "simulate feup-em --duration 60~s --cast pond.csv --bottom-depth 4~m --latitude 45",
     ),
     *(_case(f"analyse-{v}", f"analyse {v} --depth 2~m", files=False) for v in LOOPS),
     *(
@@ -128,16 +130,19 @@ CASES: tuple[Case, ...] = (
     _case("identify-dive", "identify dive.csv --vehicle deep-float.toml --cast cast.csv"),
     _case("identify-actuator", "identify-actuator bench.csv --vehicle feup-em"),
     _case("design-experiment", f"design-experiment feup-em {EXPERIMENT} --against none"),
-    _case("pool", "pool feup-em --simulate --most 2"),
+    _case("pool", "pool feup-em --simulate --max-experiments 2"),
     *(
-        _case(f"ballast-{v}", f"ballast {v} --cast cast.csv --deepest {deepest}~m")
+        _case(f"ballast-{v}", f"ballast {v} --cast cast.csv --max-depth {deepest}~m")
         for v, deepest in zip(PRESETS, (1000, 100, 50, 2, 2000), strict=True)
     ),
     _case("tune-cascade", "tune feup-em --law cascade --runs 20"),
     _case("tune-planned", "tune example-em --law planned --runs 20"),
-    _case("tune-position-observer", "tune ntnu-bv --law position-observer --runs 20 --depth 0:1~m"),
+    _case(
+        "tune-position-observer",
+        "tune ntnu-bv --law position-observer --runs 20 --depth-range 0:1~m",
+    ),
     *(_case(f"energy-{v}", f"energy {v}") for v in ("example-eh", "example-em", "example-float")),
-    _case("energy-cast", "energy example-float --cast cast.csv --depth 1500~m"),
+    _case("energy-cast", "energy example-float --cast cast.csv --max-depth 1500~m"),
     _case(
         "energy-fit",
         "energy example-float --fit runs.csv --column pressure_Pa=pressure_dbar@dbar "
@@ -148,10 +153,10 @@ CASES: tuple[Case, ...] = (
     _case("plan-energy", "plan example-em --step 1.5:2.5~m --goal energy"),
     _case("bench-control", "bench-control feup-em --laws position-pid --runs 2"),
     *(
-        _case(f"stability-{v}", f"stability {v} --cells 5 --within 100~s --depth 0:{deep}~m")
+        _case(f"stability-{v}", f"stability {v} --cells 5 --within 100~s --depth-range 0:{deep}~m")
         for v, deep in (("feup-em", 5), ("ntnu-bv", 1))
     ),
-    _case("size", "size example-eh --depth 800~m --parts parts.toml"),
+    _case("size", "size example-eh --max-depth 800~m --parts parts.toml"),
     _case("mission", "mission example-float mission.toml --netcdf"),
     _case("mission-cast", "mission example-float mission.toml --cast cast.csv --cycles 2"),
     *(_case(f"mission-{v}", f"mission {v} mission-law.toml") for v in LOOPS),
@@ -164,16 +169,14 @@ CASES: tuple[Case, ...] = (
     ),
     *(
         _case(f"firmware-{v}", f"firmware {v} --duration 60 --time-limit 7200 {pool}")
-        for v, pool in (("example-eh", ""), ("example-em", "--pool 4.5~m"))
+        for v, pool in (("example-eh", ""), ("example-em", "--bottom-depth 4.5~m"))
     ),
     _case(
         "faults",
         "faults feup-em --missions 31 --healthy 4 --time-limit 1839.8286367098249",
         compiler=True,
     ),
-    _case(
-        "faults-one", "faults feup-em --mission 7 --time-limit 1839.8286367098249", compiler=True
-    ),
+    _case("faults-one", "faults feup-em --repeat 7 --time-limit 1839.8286367098249", compiler=True),
     _case(
         "faults-ntnu-bv",
         "faults ntnu-bv --missions 16 --healthy 2 --time-limit 5503.885375157806",

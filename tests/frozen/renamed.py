@@ -31,6 +31,10 @@ KEYS: dict[str, str] = {
     "energy: told_energy_J": "fitted_energy_J",
     "energy: told_efficiency": "fitted_efficiency",
     "energy: left_out": "excluded",
+    "design-experiment: pool_depth_m": "bottom_depth_m",
+    "design-experiment: pool_depth": "bottom_depth",
+    "energy: thruster.diameter": "thruster.diameter_m",
+    "energy: thruster.idle_power": "thruster.idle_power_W",
     # Deep dives.
     "identify: book_m3": "imbalance_m3",
     "identify: book_rms_m3": "imbalance_rms_m3",

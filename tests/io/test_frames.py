@@ -107,7 +107,7 @@ def test_a_cast_is_a_frame_or_a_profile_of_a_dataset(cast, tmp_path):
         assert np.array_equal(found.pressure, filed.pressure)
         assert np.array_equal(found.CT, filed.CT)
     masses = [
-        sb.ballast("example-float", [one], deepest=50.0).to_dict()["added_kg"]
+        sb.ballast("example-float", [one], max_depth=50.0).to_dict()["added_kg"]
         for one in (cast, named, tmp_path / "cast.csv")
     ]
     assert masses == [masses[0]] * 3

@@ -54,9 +54,9 @@ def test_a_text_is_the_number_in_the_unit_of_the_docstring():
 
 
 def test_both_of_a_pair_may_be_texts():
-    how = {"maps": False, "within": 60.0, "draws": 20}
-    by_text = sb.stability(VEHICLE, depths=("50 cm", 5), **how)
-    assert by_text.to_dict() == sb.stability(VEHICLE, depths=(0.5, 5.0), **how).to_dict()
+    how = {"maps": False, "within": 60.0, "runs": 20}
+    by_text = sb.stability(VEHICLE, depth_range=("50 cm", 5), **how)
+    assert by_text.to_dict() == sb.stability(VEHICLE, depth_range=(0.5, 5.0), **how).to_dict()
 
 
 def test_set_points_may_be_texts_each_in_its_unit():
@@ -95,8 +95,11 @@ def test_one_log_need_not_be_a_list(tmp_path):
             lambda: sb.simulate(VEHICLE, **{**STEP, "duration": [30.0]}),
             "duration: not a number (got [30.0], expected unit s). Give a number in s, or a text",
         ),
-        (lambda: sb.stability(VEHICLE, depths=5.0), "depths: not two numbers (got 5.0)"),
-        (lambda: sb.stability(VEHICLE, depths=("0 m", "5 s")), "depths: the unit 's' is of"),
+        (lambda: sb.stability(VEHICLE, depth_range=5.0), "depth_range: not two numbers (got 5.0)"),
+        (
+            lambda: sb.stability(VEHICLE, depth_range=("0 m", "5 s")),
+            "depth_range: the unit 's' is of",
+        ),
         (lambda: sb.tune(VEHICLE, delay="ten"), "delay: "),
         (lambda: sb.analyse(VEHICLE, sample_time=-1.0), "sample_time: it must be above 0"),
         (lambda: sb.mission("example-float", MISSION, seed=-1), "seed: must be a whole number"),
@@ -116,7 +119,9 @@ def test_one_log_need_not_be_a_list(tmp_path):
         (lambda: sb.ballast("example-float", ["c.csv"]), "c.csv, file: there is no such file"),
         (lambda: sb.ballast("example-float", [3]), "casts[0]: no Cast (got 3). Give what read_c"),
         (lambda: sb.mission("example-float", "m.toml"), "m.toml, file: there is no such file"),
-        (lambda: sb.size("feup-em", sb.Dive(depth="50 m")), "depth: not a number (got '50 m'"),
+        (lambda: sb.Dive(max_depth="50 s"), "max_depth: the unit 's' is of another kind"),
+        (lambda: sb.Workers(part="8/1"), "part: no part of a whole (got '8/1')"),
+        (lambda: sb.Workers(part="one"), "part: no part of a whole (got 'one')"),
     ],
 )
 def test_what_is_none_of_these_is_refused_by_name(call, says, tmp_path, monkeypatch):

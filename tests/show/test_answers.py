@@ -37,7 +37,7 @@ def campaign(folder):
     floater = sb.load_vehicle("example-float")
     columns = [sb.water_of(floater, DIVE)]
     job = sb.Floats(vehicle=floater, mission=DIVE, columns=columns, floats=3, store=folder / "a")
-    return sb.campaign(job, sb.Workers(count=1))
+    return sb.campaign(job, sb.Workers(workers=1))
 
 
 MADE = {
@@ -212,8 +212,8 @@ def test_a_day_at_the_pool_has_a_page_before_it_begins(tmp_path):
     day = sb.PoolDay(
         v,
         tmp_path,
-        rules=rules_of(v, pool_depth=4.5),
-        tasks=paper_tasks(v, pool_depth=4.5),
+        rules=rules_of(v, bottom_depth=4.5),
+        tasks=paper_tasks(v, bottom_depth=4.5),
         asked=asked_of(v, Asked()),
         mode="followed",
     )
@@ -223,8 +223,14 @@ def test_a_day_at_the_pool_has_a_page_before_it_begins(tmp_path):
     traces = figures_of(page)["precision"]["data"]
     ours = {one["name"]: one["y"] for one in traces if one["name"].endswith("expected")}
     # as `design_experiment` has the paper's eight, in a pool that is as deep
-    settings = {"pool_depth": 4.5, "sensor_std": 2e-3, "settling": 300.0, "moves": 1, "rest": 3.0}
-    theirs = sb.design_experiment(v, **settings, releases=1).against.prediction.share
+    settings = {
+        "bottom_depth": 4.5,
+        "depth_noise": 2e-3,
+        "settling": 300.0,
+        "max_moves": 1,
+        "rest": 3.0,
+    }
+    theirs = sb.design_experiment(v, **settings, max_experiments=1).against.prediction.share
     for name, share in theirs.items():
         assert ours[f"{name}, expected"][-1] == pytest.approx(100.0 * share, rel=0.15)
     assert [path.name for path in day.save(tmp_path / "kept")] == [
@@ -236,12 +242,12 @@ def test_a_day_at_the_pool_has_a_page_before_it_begins(tmp_path):
 
 
 def test_the_page_of_a_plan_names_the_vehicle(tmp_path):
-    page = sb.plan("feup-em", 1.5, 2.0).report(tmp_path / "page.html").read_text("utf-8")
+    page = sb.plan("feup-em", (1.5, 2.0)).report(tmp_path / "page.html").read_text("utf-8")
     assert "<title>feup-em: plan</title>" in page
 
 
 def test_what_was_not_asked_for_is_no_picture_but_said():
-    found = sb.stability("feup-em", depths=(0.0, 5.0), maps=False)
+    found = sb.stability("feup-em", depth_range=(0.0, 5.0), maps=False)
     with pytest.raises(NoAnswerError, match="no maps were asked for"):
         found.plot()
     too_deep = sb.simulate(

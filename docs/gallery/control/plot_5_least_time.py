@@ -8,7 +8,7 @@ that there is. The dashed line is what the paper's controller makes of the same 
 
 import swimbladder as sb
 
-best = sb.plan("feup-em", "1.5 m", "3 m")
+best = sb.plan("feup-em", ("1.5 m", "3 m"))
 print(best)
 
 step = sb.simulate("feup-em", setpoints=[(0.0, 3.0)], duration="36 s", start_depth="1.5 m")

@@ -9,6 +9,6 @@ volume or of volts.
 
 import swimbladder as sb
 
-found = sb.stability("feup-em", depths=("0 m", "5 m"), cells=15)
+found = sb.stability("feup-em", depth_range=("0 m", "5 m"), cells=15)
 print(found)
 found.plot()

@@ -8,6 +8,6 @@ what a cycle takes. Put your own shelf in with `load_parts`.
 
 import swimbladder as sb
 
-found = sb.size("example-float", sb.Dive(depth=1000.0, cycles=200), sweeps=False)
+found = sb.size("example-float", sb.Dive(max_depth=1000.0, cycles=200), sweeps=False)
 print(found)
 found.plot()

@@ -10,7 +10,12 @@ moving the volume to and fro.
 import swimbladder as sb
 
 design = sb.design_experiment(
-    "feup-em", pool_depth="4.5 m", sensor_std="2 mm", settling="5 min", moves=1, releases=2
+    "feup-em",
+    bottom_depth="4.5 m",
+    depth_noise="2 mm",
+    settling="5 min",
+    max_moves=1,
+    max_experiments=2,
 )
 print(design)
 design.plot()

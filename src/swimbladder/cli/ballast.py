@@ -20,7 +20,7 @@ class Targets(Options):
     """What the ballast is to bring about, as a `Target` has it."""
 
     neutral_depth: Given = valued("DEPTH", "Find the mass that is neutral at this depth.")
-    volume: Given = valued("VOLUME", "Volume of the drive at that depth (0).", name="--at-volume")
+    neutral_volume: Given = valued("VOLUME", "Volume of the drive at that depth (0).")
     freeboard: Given = valued("LENGTH", "Freeboard at full volume.")
 
 
@@ -28,12 +28,10 @@ class Targets(Options):
 class Task(Options):
     """Where it is to go, how sure that has to be, and with what."""
 
-    deepest: Given = valued("DEPTH", "Greatest depth (the rating, or the cast's end).")
-    speed: str = valued("SPEED", "Vertical speed at every depth.", "0 m/s")
+    max_depth: Given = valued("DEPTH", "Greatest depth (the rating, or the cast's end).")
+    speed: str = valued("SPEED", "Vertical speed.", "0 m/s")
     probability: str = valued("SHARE", "Probability that the stroke suffices.", "95 %")
-    material: str = valued(
-        "WHAT", "Ballast: lead, steel, ..., a density, or inside.", "lead", name="--ballast"
-    )
+    material: str = valued("WHAT", "Ballast: lead, steel, ..., a density, or inside.", "lead")
     mass: Given = valued("MASS", "Mass on the scale (that of trim_error).")
 
 
@@ -50,7 +48,7 @@ class Stds(Options):
     density: Given = valued("DENSITY", "1 sigma of the sea's density.", name="--density-std")
 
 
-@grouped("deepest neutral_depth freeboard ballast mass", out=Path("swimbladder-ballast"))
+@grouped("max_depth neutral_depth freeboard material mass", out=Path("swimbladder-ballast"))
 def ballast(
     vehicle: VehicleName,
     *,
@@ -74,10 +72,10 @@ def ballast(
     from swimbladder.design.ballast import ballast as find
 
     material_of(task.material)
-    refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
+    refuse_doubted_unit(casts, asked["max_depth"], v.hull.depth_limit)
     with stds.said_as_typed():
         uncertainty = uncertainty_of(v, given)
     wanted = Target(**sought, probability=asked.pop("probability"), speed=asked.pop("speed"))
-    with progress("drawing vehicles", 1.0) as advance, target.said_as_typed():
+    with progress("drawing vehicles", 1.0) as advance:
         found = find(v, casts, target=wanted, uncertainty=uncertainty, advance=advance, **asked)
     to.answer(found)

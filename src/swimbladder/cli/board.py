@@ -33,11 +33,11 @@ class More(Options):
     """What is flown beside the golden mission, as `codegen.board.Flights` has it."""
 
     steps: bool = flag("--steps", "Also fly steps.")
-    faults: int = valued("N", "Also fly this many missions with faults.", 0, min=0)
-    depths: Given = valued("LEAST:MOST", "Depth range of these missions.", name="--depth")
+    missions: int = valued("N", "Missions with faults.", 0, min=0)
+    depth_range: Given = valued("LEAST:MOST", "Depth range of these missions.")
 
 
-@grouped("port time_limit faults steps", out=Path("swimbladder-board"))
+@grouped("port time_limit missions steps", out=Path("swimbladder-board"))
 def board(
     vehicle: VehicleName,
     *,

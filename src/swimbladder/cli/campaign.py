@@ -17,8 +17,8 @@ from swimbladder.cli.options import (
     flag,
     grouped,
     loaded,
+    supervised,
     valued,
-    watched,
 )
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
@@ -29,24 +29,14 @@ if TYPE_CHECKING:
     from swimbladder.vehicle.spread import Spread
 
 
-def _part(text: str, option: str) -> tuple[int, int]:
-    """Return which part of how many is asked for."""
-    try:
-        number, total = (int(piece) for piece in text.split("/"))
-    except ValueError:
-        remedy = "Give a number and how many there are, from --part 1/8 to --part 8/8"
-        raise InputError("no part of a whole", field=option, value=text, remedy=remedy) from None
-    return number, total
-
-
 @dataclass(frozen=True)
 class Flown(Options):
     """How many floats are flown, for how long."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    duration: Given = valued("TIME", "No cycle begins after this time.")
-    seed: int = valued(None, "Seed of all random draws.", 1, min=0)
-    supervised: bool = watched()
+    duration: Given = valued("TIME", "Duration: no cycle begins after it.")
+    seed: int = valued("N", "Seed of all random draws.", 1, min=0)
+    supervised: bool | None = supervised()
 
 
 @dataclass(frozen=True)
@@ -54,7 +44,7 @@ class Spreads(Options):
     """How much floats differ, by the inputs of a `Spread`."""
 
     trim: Given = valued("VOLUME", "1 sigma of the neutral volume (5 cm3).", name="--trim-std")
-    psi: Given = valued("PSI", "1 sigma of the hull's compression (0.002 cm3/m).", name="--psi-std")
+    psi: Given = valued("PSI", "1 sigma of psi (0.002 cm3/m).", name="--psi-std")
     drag: Given = valued("SHARE", "1 sigma of the drag (10 %).", name="--drag-std")
     pump: Given = valued("SHARE", "1 sigma of the pump's delivery (5 %).", name="--pump-std")
 
@@ -84,10 +74,10 @@ class Work(Options):
     """Who flies them, as `jobs.Workers` has it."""
 
     executor: str = valued("WHO", "Workers: threads, processes or dask.", "threads")
-    count: int | None = valued("N", "Number of workers (one per core).", name="--workers")
+    workers: int | None = valued("N", "Number of workers (one per core).")
     scheduler: Given = valued("WHERE", "Dask scheduler: address, or its file.")
     part: str = valued(
-        "K/N", "Compute part K of N, into the same folder.", "1/1", read=_part, show_default=False
+        "K/N", "Part K of N of the chunks, into the same folder.", "1/1", show_default=False
     )
 
 

@@ -7,39 +7,31 @@ carry.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import aside, progress, quantity, said_as_typed
 from swimbladder.cli.logs import selections
 from swimbladder.cli.options import Options, valued
-from swimbladder.cli.texts import Given, Several, pairs
-from swimbladder.errors import OPTIONS, as_asked
+from swimbladder.cli.texts import Given, Several
+from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column
     from swimbladder.vehicle import Vehicle
 
 
-OF_CASTS = {name: f"--cast-{name.removesuffix('s')}" for name in ("columns", "where", "profile")}
-"""The options about casts of commands whose --where and --column are about logs."""
-
-
-def refuse_doubted_unit(
-    casts: Sequence[Cast],
-    asked: float | None,
-    rating: float | None,
-    options: Mapping[str, str] = OPTIONS,
-) -> None:
+def refuse_doubted_unit(casts: Sequence[Cast], asked: float | None, rating: float | None) -> None:
     """Raise InputError as `check_cast_unit` does; what it warns of stands on stderr."""
     from swimbladder.physics.seawater.cast_unit import check_cast_unit
 
-    for cast in casts:
-        with said_as_typed(options, {}):
+    with said_as_typed(Reading.named(), {}):
+        for cast in casts:
             doubt = check_cast_unit(cast, asked, rating)
-        aside(*([f"warning: {as_asked(doubt, options)}"] if doubt else ()))
+            aside(*([f"warning: {doubt}"] if doubt else ()))
 
 
 @dataclass(frozen=True)
@@ -78,14 +70,20 @@ class Reading(Options):
     cast: Path | list[Path] | None = valued(
         "CTD", "CTD cast: CSV, netCDF, Argo profile.", name="--cast"
     )
-    columns: Several = valued("NAME=COLUMN", "Column, NAME=COLUMN@UNIT too.", name="--column")
-    where: Several = valued("COLUMN=VALUE", "Only these rows of the file.", name="--where")
-    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
-    profile: int | None = valued("N", "Profile in the cast's file.", name="--profile", min=1)
-    latitude: Given = valued("DEGREES", "Of the cast.", name="--latitude", read=_degrees)
-    longitude: Given = valued("DEGREES", "Of the cast.", name="--longitude", read=_degrees)
-    salinity: float | None = valued("PSU", "If the cast has none; 0: fresh.", name="--salinity")
-    inversions: Given = valued("WHAT", "Inversions: average, keep (refuse).", name="--inversions")
+    columns: Several = valued(
+        "NAME=COLUMN", 'Column of the cast: "pressure_dbar=Druck@bar".', name="--cast-column"
+    )
+    where: Several = valued(
+        "COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each.", name="--cast-where"
+    )
+    log_format: Given = valued(
+        "FORMAT", r"Format of the cast: TOML file with a \[log] table.", name="--cast-format"
+    )
+    profile: int | None = valued("N", "Profile in the cast's file.", name="--cast-profile", min=1)
+    latitude: Given = valued("DEGREES", "Latitude of the cast.", name="--latitude", read=_degrees)
+    longitude: Given = valued("DEGREES", "Longitude of the cast.", read=_degrees)
+    salinity: float | None = valued("PSU", "Salinity where the cast has none; 0: fresh.")
+    inversions: Given = valued("WHAT", "Inversions of density: average, keep (refuse).")
 
     def casts(self, place: float | None = None) -> list[Cast]:
         """Return the casts of files, all read alike; what was done to them is in their report.
@@ -93,17 +91,25 @@ class Reading(Options):
         place: the latitude [degrees] where no option says one.
         Raises InputError for an option that is wrong, or that has no cast to be about.
         """
-        given = self.given()
+        with self.said_as_typed():
+            return self._casts({"latitude": place, **self.given()})
+
+    def _casts(self, given: dict[str, Any]) -> list[Cast]:
+        given.pop("where", None)
         asked = given.pop("cast", [])
         paths = [asked] if isinstance(asked, Path) else asked
         if not paths:
             self.refuse(*NO_CAST, "cast")
             return []
-        from swimbladder.io.casts import check_reading
+        from swimbladder.io.casts import check_reading, read_cast
 
         facts = ("latitude", "longitude", "salinity", "inversions")
         check_reading(**{name: given[name] for name in facts if name in given})
-        return _read({"latitude": place, **given}, paths)
+        found = []
+        for path, rows in product(paths, selections(self.where or [], "--cast-where")):
+            with progress(f"reading {path.name}"):
+                found.append(read_cast(path, where=rows, **given))
+        return found
 
 
 @dataclass(frozen=True)
@@ -112,50 +118,32 @@ class CastReading(Reading):
 
     cast: Path | None = valued("CTD", "CTD cast: CSV, netCDF, Argo profile.")
 
+    def casts(self, place: float | None = None) -> list[Cast]:
+        """Return the cast; raises InputError also where rows are chosen of several."""
+        if len(selections(self.where or [], "--cast-where")) > 1:
+            what, remedy = "these are several casts, and one is taken", "Give one value"
+            raise InputError(what, field="--cast-where", value=self.where, remedy=remedy)
+        return super().casts(place)
+
 
 @dataclass(frozen=True)
 class Casts(Reading):
     """Several casts."""
 
-    cast: list[Path] | None = valued("CTD", "CTD casts: CSV, netCDF, Argo; repeatable.")
-
-
-def _read(given: Mapping[str, Any], paths: Sequence[Path]) -> list[Cast]:
-    from swimbladder.io.casts import read_cast
-
-    found = []
-    for path in paths:
-        with progress(f"reading {path.name}"):
-            found.append(read_cast(path, **given))
-    return found
+    cast: list[Path] | None = valued("CTD", "CTD cast: CSV, netCDF, Argo profile; repeatable.")
 
 
 @dataclass(frozen=True)
-class LogCasts(Options):
-    """The casts of commands whose --where and --column are about logs."""
+class LogCasts(Casts):
+    """The casts that logs were made in: one, or one for each."""
 
-    cast: list[Path] | None = valued("CTD", "CTD cast of the logs, or one for each.")
-    cast_where: Several = valued("COLUMN=VALUE", "Rows of the cast; VALUE,VALUE: one cast each.")
-    cast_column: Several = valued("NAME=COLUMN", 'Column of the cast: "pressure_dbar=Druck@bar".')
-    cast_profile: int | None = valued("N", "Profile in the cast's file, from 1.")
+    cast: list[Path] | None = valued("CTD", "CTD cast of the logs, or one for each; repeatable.")
+    inversions: str = valued("WHAT", "Inversions of density: refuse, average, keep.", "average")
 
     @property
     def number(self) -> int:
         """How many casts there are."""
-        return len(self.cast or ()) * len(selections(self.cast_where or []))
-
-    def casts(self) -> list[Cast]:
-        """Return the casts, of each file those that --cast-where chooses; inversions averaged.
-
-        Raises LogError, an InputError, with file, line, column, value and remedy.
-        """
-        found: list[Cast] = []
-        columns = pairs(self.cast_column or [], "--cast-column")
-        reading = {"columns": columns, "profile": self.cast_profile, "inversions": "average"}
-        for rows in selections(self.cast_where or []):
-            with said_as_typed(OF_CASTS, {}):
-                found += _read({**reading, "where": rows}, self.cast or [])
-        return found
+        return len(self.cast or ()) * len(selections(self.where or [], "--cast-where"))
 
     def water(self, rating: float | None) -> list[Column]:
         """Return the water for logs of a shallow vehicle, finely; none where none is given.
@@ -163,13 +151,12 @@ class LogCasts(Options):
         rating: how deep the vehicle goes [m]. Raises InputError where a cast cannot be read or may
         be in another unit, or something is said of none.
         """
-        if not self.cast:
-            self.refuse("it has no use without --cast", "Give --cast FILE")
+        found = self.casts()
+        if not found:
             return []
         from swimbladder.physics.seawater import cast_column
 
-        found = self.casts()
-        refuse_doubted_unit(found, 0.0, rating, OF_CASTS)
+        refuse_doubted_unit(found, 0.0, rating)
         return [cast_column(cast, step=_SHALLOW) for cast in found]
 
 

@@ -17,7 +17,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
-from swimbladder.errors import InputError, SwimbladderError, as_asked
+from swimbladder.errors import OPTIONS, InputError, SwimbladderError, as_asked
 from swimbladder.io.answers import json_text
 from swimbladder.io.progress import Advance, silent
 from swimbladder.show.parts import Part
@@ -182,18 +182,23 @@ def quantity(text: str, unit: str, option: str) -> float:
 
 @contextlib.contextmanager
 def said_as_typed(options: Mapping[str, str], typed: Mapping[str, object]) -> Iterator[None]:
-    """Name in errors of the block the options of parameters, and what was typed for a number.
+    """Name in messages of the block the options of parameters, and what was typed for a number.
 
     typed: by option.
     """
+    before = dict(OPTIONS)
+    OPTIONS.update(options)
     try:
         yield
     except SwimbladderError as error:
-        said = error.asked(options)
+        said = error.asked()
         if isinstance(said, InputError) and not isinstance(said.value, str):
             text = typed.get(said.field or "")
             said = said.but(value=text) if isinstance(text, str) else said
         raise said from None
+    finally:
+        OPTIONS.clear()
+        OPTIONS.update(before)
 
 
 @contextlib.contextmanager

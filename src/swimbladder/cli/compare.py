@@ -1,6 +1,6 @@
 """``swimbladder compare``: what a log recorded drives the model, and the depths are compared.
 
-With ``--ahead`` the depth is also predicted some seconds ahead: options, table and files of it.
+With ``--horizons`` the depth is also predicted some seconds ahead: options, table and files of it.
 """
 
 from __future__ import annotations
@@ -39,15 +39,13 @@ def _times(text: str, option: str) -> list[float]:
 class Ahead(Options):
     """Predictions over some times, and the noise that they assume."""
 
-    horizons: Given = valued(
-        "TIME,...", 'Also predict these times ahead: "10 s,60 s".', name="--ahead", read=_times
-    )
+    horizons: Given = valued("TIME,...", 'Horizons of predictions: "10 s,60 s".', read=_times)
     random_walk: Given = valued(
-        "INTENSITY", "Random walk of the neutral volume, for --ahead.", read=_noise("m3/s^0.5")
+        "INTENSITY", "Random walk of the neutral volume, for --horizons.", read=_noise("m3/s^0.5")
     )
-    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma, for --ahead.")
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma, for --horizons.")
     acceleration_noise: Given = valued(
-        "INTENSITY", "Acceleration noise density, for --ahead.", read=_noise("m/s/s^0.5")
+        "INTENSITY", "Acceleration noise density, for --horizons.", read=_noise("m/s/s^0.5")
     )
 
     def asked(self) -> dict[str, Any] | None:
@@ -58,7 +56,8 @@ class Ahead(Options):
         given = self.read()
         horizons = given.pop("horizons")
         if horizons is None:
-            self.refuse("this belongs to --ahead", 'Add --ahead "10 s,60 s", or leave it out')
+            remedy = 'Add --horizons "10 s,60 s", or leave it out'
+            self.refuse("this belongs to --horizons", remedy)
             return None
         from swimbladder.estimation.comparison.ahead import Tuning
 
@@ -70,17 +69,17 @@ class Fit(Options):
     """How a log is compared, as `estimation.comparison.compare` has it."""
 
     drive: Given = valued("INPUT", "Input: volume, voltage or setpoint (first logged).")
-    fit: Given = valued(
+    free: Given = valued(
         "NAME,...",
-        "Fitted: neutral_volume (default), neutral_drift, mass, drag, "
+        "Parameters to identify: neutral_volume (default), neutral_drift, mass, drag, "
         "drag_quadratic, psi, start_depth, start_speed; or none.",
     )
-    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
-    surface_margin: str = valued("DEPTH", "Smallest depth compared.", "0.1 m")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
+    surface_margin: str = valued("DEPTH", "Smallest depth used.", "0.1 m")
     submerged: bool = flag("--submerged", "Begin at the first depth beyond that.")
 
 
-@grouped("where column fit ahead", out=Path("swimbladder-compare"))
+@grouped("where column free horizons", out=Path("swimbladder-compare"))
 def compare(
     logs: LogFiles,
     vehicle: LogVehicle = None,

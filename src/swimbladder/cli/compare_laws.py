@@ -14,7 +14,7 @@ from swimbladder.cli.options import (
     AnyVehicle,
     Files,
     Options,
-    WithoutSupervisor,
+    Supervised,
     grouped,
     loaded,
     valued,
@@ -34,15 +34,13 @@ class Flights(Options):
     """Which laws are flown, how often and where."""
 
     laws: Given = valued(
-        "LAW,LAW",
+        "LAW,...",
         "Laws to compare (all that fit).",
         read=lambda text, _: [name.strip() for name in text.split(",")],
     )
-    runs: int = valued("N", "Runs of every scenario.", 40)
-    depths: Given = valued(
-        "LEAST:MOST", "Depth range (what stroke, supply, rating allow).", name="--depth"
-    )
-    sample_time: Given = valued("TIME", "Sample time of the tuned laws (the controller's).")
+    runs: int = valued("N", "Runs of each case.", 40)
+    depth_range: Given = valued("LEAST:MOST", "Depth range (what stroke, supply, rating allow).")
+    sample_time: Given = valued("TIME", "Sample time (the controller's).")
     seed: int = valued("N", "Seed of noise, waves, drift and draws.", 1)
 
 
@@ -66,13 +64,13 @@ class Sensor(DepthSensor):
 _LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print the scenarios only.")
 
 
-@grouped("laws runs depth depth_noise", out=Path("swimbladder-compare-laws"))
+@grouped("laws runs depth_range depth_noise", out=Path("swimbladder-compare-laws"))
 def compare_laws(
     vehicle: AnyVehicle = None,
     *,
     flights: Flights,
     sensor: Sensor,
-    without_supervisor: WithoutSupervisor = False,
+    supervised: Supervised = True,
     list_scenarios: Annotated[bool, _LIST_SCENARIOS] = False,
     reading: CastReading,
     to: Files,
@@ -85,13 +83,13 @@ def compare_laws(
     What is done is kept in the folder's parts/, so that a stopped comparison goes on there.
     """
     if list_scenarios:
-        _list(vehicle, flights.read()["depths"], to, supervised=not without_supervisor)
+        _list(vehicle, flights.read()["depth_range"], to, supervised=supervised)
         return
     if vehicle is None:
         raise InputError("no vehicle", field="VEHICLE", remedy="Name a preset or a TOML file")
     v, assumed = sensor.assumed(loaded(vehicle, sampled=True, pumped=True))
-    options = flights.read() | {"supervised": not without_supervisor}
-    reach = None if options["depths"] is None else options["depths"][1]
+    options = flights.read() | {"supervised": supervised}
+    reach = None if options["depth_range"] is None else options["depth_range"][1]
     options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     parts = to.out / "parts"
     with working("tuning and flying", keep=parts) as advance:

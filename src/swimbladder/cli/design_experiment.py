@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from swimbladder.cli.common import quantity, working
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.settings import Sought, deviation
-from swimbladder.cli.texts import Given, unit_of, with_one_unit
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
+from swimbladder.units import unit_of, with_one_unit
 
 if TYPE_CHECKING:
     pass
@@ -33,14 +34,14 @@ def _against(text: str, option: str) -> tuple[float, ...] | None:
 class Setting(Options):
     """The pool and the sensor."""
 
-    pool_depth: str = valued("DEPTH", "Depth of the bottom.", ...)
-    sensor_std: Given = valued("DEPTH", "Noise of the depth, 1 sigma (the vehicle's).")
-    quantum: Given = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
+    bottom_depth: str = valued("DEPTH", "Depth of the bottom.", ...)
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's).")
+    depth_quantum: Given = valued("DEPTH", "Quantum of the depth sensor (the vehicle's).")
     sample_time: Given = valued("TIME", "Sample time (the controller's).")
     neutral_std: Given = valued(
-        "VOLUME", "Prior of the neutral volume at rest, 1 sigma (0.5 cm3).", read=deviation("m3")
+        "VOLUME", "Prior of each log's neutral volume, 1 sigma (0.5 cm3).", read=deviation("m3")
     )
-    drift_std: Given = valued("RATE", "Drift of the neutral volume, 1 sigma (0.1 cm3/min).")
+    drift_std: Given = valued("RATE", "Drift of each log's neutral volume, 1 sigma (0.1 cm3/min).")
     delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
 
 
@@ -48,13 +49,13 @@ class Setting(Options):
 class Experiments(Options):
     """The experiments, and what they are compared with."""
 
-    time: Given = valued("TIME", "Pool time, settling included (--against's; 60 min).")
-    releases: int | None = valued("N", "Largest number of experiments.", name="--runs", min=1)
-    clearance: str = valued("DEPTH", "Distance of records from surface and bottom.", "0.75 m")
+    pool_time: Given = valued("TIME", "Pool time, settling included (--against's; 60 min).")
+    max_experiments: int | None = valued("N", "Largest number of experiments.", min=1)
+    clearance: str = valued("LENGTH", "Distance from bottom and surface.", "0.75 m")
     settling: Given = valued("TIME", "Settling time before a release (simulated).")
-    longest: str = valued("TIME", "Longest record.", "240 s")
-    moves: int = valued("N", "Largest number of volume changes in a record.", 4, min=1)
-    largest: Given = valued("VOLUME", "Largest change of volume (the stroke's).")
+    max_record_time: str = valued("TIME", "Longest record.", "240 s")
+    max_moves: int = valued("N", "Largest number of volume changes in a record.", 4, min=1)
+    max_volume_change: Given = valued("VOLUME", "Largest change of volume (the stroke's).")
     criterion: str = valued(
         "WHICH", "Criterion: largest error, D, A, or the largest of NAME,...", "largest"
     )
@@ -69,7 +70,10 @@ class Experiments(Options):
     )
 
 
-@grouped("pool_depth time runs sensor_std free prior", out=Path("swimbladder-design-experiment"))
+@grouped(
+    "bottom_depth pool_time max_experiments depth_noise free prior",
+    out=Path("swimbladder-design-experiment"),
+)
 def design_experiment(
     vehicle: VehicleName, *, setting: Setting, sought: Sought, experiments: Experiments, to: Files
 ) -> None:

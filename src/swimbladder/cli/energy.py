@@ -15,18 +15,16 @@ import typer
 from swimbladder.cli.casts import NO_CAST, CastReading, refuse_doubted_unit
 from swimbladder.cli.common import progress
 from swimbladder.cli.options import AnyVehicle, Files, Options, grouped, loaded, valued
-from swimbladder.cli.texts import Given
+from swimbladder.cli.texts import Given, Several
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 
-def fit_runs(
-    paths: Sequence[Path], v: Vehicle | None, reading: CastReading, runs: Runs, to: Files
-) -> None:
+def fit_runs(paths: Sequence[Path], v: Vehicle | None, runs: Runs, to: Files) -> None:
     """Find a pump in tables of its runs, print what it is and write the files."""
-    table_form, asked = reading.read(), runs.read()
+    asked = runs.read()
     with progress("reading and fitting"):
         from swimbladder.design.energy import fit_pump, fitted_vehicle
         from swimbladder.design.energy.fit import pump_and_valve
@@ -35,7 +33,7 @@ def fit_runs(
 
         if v is not None:
             pump_and_valve(v)
-        chosen = {name: table_form[name] for name in ("columns", "where")}
+        chosen = {name: asked.pop(name) for name in ("columns", "where")}
         runs_read = joined_runs([read_pump_runs(path, **chosen) for path in paths])
         limit = None if v is None else v.hull.depth_limit
         try:
@@ -50,9 +48,9 @@ def fit_runs(
 class Compared(Options):
     """How deep, and which tasks the drive does in the place of thrusters."""
 
-    deepest: Given = valued("DEPTH", "Greatest depth (the vehicle's rating).", name="--depth")
+    max_depth: Given = valued("DEPTH", "Greatest depth (the vehicle's rating).")
     weight_error: str = valued("VOLUME", "Excess weight while hovering, as volume.", "10 cm3")
-    speed: str = valued("SPEED", "Vertical speed of dives.", "0.1 m/s")
+    speed: str = valued("SPEED", "Vertical speed.", "0.1 m/s")
 
 
 @dataclass(frozen=True)
@@ -61,18 +59,25 @@ class Thrusters(Options):
 
     diameter: str = valued("LENGTH", "Propeller diameter.", "76 mm", name="--thruster-diameter")
     efficiency: str = valued(
-        "SHARE", "Of an ideal disc, with driver.", "35 %", name="--thruster-efficiency"
+        "SHARE",
+        "Thruster efficiency of an ideal disc, with driver.",
+        "35 %",
+        name="--thruster-efficiency",
     )
     number: int = valued("N", "Number of thrusters.", 1, name="--thruster-number")
-    idle_power: str = valued("POWER", "Idle power of each.", "0 W", name="--thruster-idle")
+    idle_power: str = valued(
+        "POWER", "Idle power of each thruster.", "0 W", name="--thruster-idle-power"
+    )
 
 
 @dataclass(frozen=True)
 class Runs(Options):
     """How a power and which runs of a table are taken."""
 
-    power_at: str = valued("WHEN", "--fit: pressure is the mean of a run, or its end.", "mean")
-    shortest: str = valued("TIME", "--fit: shortest run used.", "0 s")
+    power_at: str = valued("WHEN", "Pressure of a run, for --fit: its mean, or its end.", "mean")
+    min_run_time: str = valued("TIME", "Shortest run used, for --fit.", "0 s")
+    columns: Several = valued("NAME=COLUMN", "Column of the log of runs, for --fit.")
+    where: Several = valued("COLUMN=VALUE", "Rows of the log of runs, for --fit.")
 
 
 _FIT = typer.Option(
@@ -80,15 +85,15 @@ _FIT = typer.Option(
 )
 
 
-@grouped("depth speed fit", out=Path("swimbladder-energy"))
+@grouped("max_depth speed fit", out=Path("swimbladder-energy"))
 def energy(
     vehicle: AnyVehicle = None,
     *,
     compared: Compared,
     thrusters: Thrusters,
     fit: Annotated[list[Path] | None, _FIT] = None,
-    reading: CastReading,
     runs: Runs,
+    reading: CastReading,
     to: Files,
 ) -> None:
     r"""Compute the energy per volume at each depth, and that of a thruster.
@@ -103,8 +108,8 @@ def energy(
         if reading.cast is not None:
             why = "runs have their own pressures, and a cast does not count"
             raise InputError(why, field="--cast", remedy="Leave out --cast or --fit")
-        reading.refuse(*NO_CAST, "columns", "where")
-        fit_runs(fit, v, reading, runs, to)
+        reading.refuse(*NO_CAST)
+        fit_runs(fit, v, runs, to)
         return
     if v is None:
         why = "there is neither a vehicle nor a table of runs"
@@ -116,6 +121,6 @@ def energy(
         from swimbladder.design.energy import Thruster
         from swimbladder.design.energy import energy as find
 
-        refuse_doubted_unit(casts, asked["deepest"], v.hull.depth_limit)
+        refuse_doubted_unit(casts, asked["max_depth"], v.hull.depth_limit)
         found = find(v, next(iter(casts), None), thruster=Thruster(**thrust), **asked)
     to.answer(found)

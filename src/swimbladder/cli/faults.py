@@ -24,21 +24,21 @@ class Missions(Options):
 
     missions: int = valued("N", "Missions with faults.", 100_000)
     healthy: int | None = valued("N", "Missions without a fault (a tenth as many).")
-    depths: Given = valued("LEAST:MOST", "Depth range of the missions.", name="--depth")
-    seed: int = valued(None, "Seed of all random draws.", 1, min=0)
+    depth_range: Given = valued("LEAST:MOST", "Depth range of these missions.")
+    seed: int = valued("N", "Seed of all random draws.", 1, min=0)
 
 
-_MISSION = typer.Option(metavar="N", help="Repeat this mission with its trajectory; hN: healthy.")
+_REPEAT = typer.Option(metavar="N", help="Repeat this mission with its trajectory; hN: healthy.")
 
 
-@grouped("missions healthy depth time_limit mission", out=Path("swimbladder-faults"))
+@grouped("missions healthy depth_range time_limit repeat", out=Path("swimbladder-faults"))
 def faults(
     vehicle: VehicleName,
     *,
     missions: Missions,
     limit: TimeLimit,
     reading: CastReading,
-    mission: Annotated[str | None, _MISSION] = None,
+    repeat: Annotated[str | None, _REPEAT] = None,
     to: Files,
 ) -> None:
     """Simulate the vehicle's C in missions with faults of sensors, actuator or battery.
@@ -52,10 +52,10 @@ def faults(
     from swimbladder.io.files import unfinished
 
     v, asked = limit.on(loaded(vehicle)), missions.read()
-    reach = None if asked["depths"] is None else asked["depths"][1]
+    reach = None if asked["depth_range"] is None else asked["depth_range"][1]
     asked["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
-    if mission is not None:
-        _one(v, mission, asked, to)
+    if repeat is not None:
+        _one(v, repeat, asked, to)
         return
     keep = unfinished(to.out)
     with working("flying missions", keep=keep) as advance:
@@ -72,8 +72,8 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
     if not (number.isascii() and number.isdigit() and len(number) < 9):
         why = "a mission is a number of eight digits at most, or one with an h before it"
         remedy = "Write it like 17, or h17 for a healthy one"
-        raise InputError(why, field="--mission", value=mission, remedy=remedy)
-    how = {name: asked[name] for name in ("seed", "depths", "column")}
+        raise InputError(why, field="--repeat", value=mission, remedy=remedy)
+    how = {name: asked[name] for name in ("seed", "depth_range", "column")}
     with working("flying the mission"):
         from swimbladder.show.faults import FlownShown
         from swimbladder.sim.faults.run import fly_one

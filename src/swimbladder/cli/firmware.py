@@ -10,8 +10,9 @@ import typer
 
 from swimbladder.cli.common import quantity, working
 from swimbladder.cli.options import Files, Golden, Options, TimeLimit, VehicleName, grouped, valued
-from swimbladder.cli.texts import Given, with_one_unit
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
+from swimbladder.units import with_one_unit
 
 if TYPE_CHECKING:
     from swimbladder.codegen.pool import PoolOptions
@@ -28,32 +29,28 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
 class Pool(Options):
     """The pool procedure, as `codegen.pool.PoolOptions` has it."""
 
-    depth: Given = valued("DEPTH", "Add the procedure for a pool this deep.", name="--pool")
-    clearance: Given = valued(
-        "DEPTH", "Pool: distance from bottom and surface (0.75 m).", name="--pool-clearance"
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom: adds the pool procedure.")
+    clearance: Given = valued("LENGTH", "Distance from bottom and surface (0.75 m).")
+    volume_changes: Given = valued(
+        "FIRST:LAST", "Volume changes in the pool (20:75 cm3).", read=_volumes
     )
-    volumes: Given = valued(
-        "FIRST:LAST", "Pool: volume changes (20:75 cm3).", name="--pool-volumes", read=_volumes
-    )
-    rounds: int | None = valued("N", "Pool: rounds (4).", name="--pool-rounds")
+    rounds: int | None = valued("N", "Rounds in the pool (4).")
 
     def options(self) -> PoolOptions | None:
         """Return what is said of the pool, None where nothing is."""
         from swimbladder.codegen.pool import PoolOptions
 
-        if self.depth is None:
+        if self.bottom_depth is None:
             why = "it sets the pool procedure, and there is none"
-            self.refuse(why, 'Give --pool, like --pool "4.5 m"')
+            self.refuse(why, 'Give --bottom-depth, like --bottom-depth "4.5 m"')
             return None
-        given = self.given()
-        first_last = dict(zip(("first", "last"), given.pop("volumes", ()), strict=False))
-        return PoolOptions(given.pop("depth"), **first_last, **given)
+        return PoolOptions(**self.given())
 
 
-_LAW = typer.Option(metavar="LAW", help="Refuse another law.")
+_LAW = typer.Option(metavar="LAW", help="Law that the controller has to be of.")
 
 
-@grouped("law time_limit pool", out=Path("swimbladder-firmware"))
+@grouped("law time_limit bottom_depth", out=Path("swimbladder-firmware"))
 def firmware(
     vehicle: VehicleName,
     law: Annotated[str | None, _LAW] = None,
@@ -69,14 +66,15 @@ def firmware(
     [supervisor] in the vehicle's file), sketches with two functions to fill in, and a
     golden trace: a depth step flown by the law's twin in float32, equal to the C to the last bit.
     The board of a float with pump and valve commands seconds of them (kind pump-valve).
-    With --pool it also holds the pool procedure (a)-(d), which identify and pool --follow read.
+    With --bottom-depth it also holds the pool procedure (a)-(d), which identify and pool --follow
+    read.
     Exit code 1 where the controller does not bring the vehicle through that step, or the procedure
     does not come to its end on the vehicle's model.
     """
     v = limit.flashed(vehicle)
     _check_law(v, law)
     options, asked = pool.options(), golden.given()
-    named = {"setpoints[0].depth": "target"}
+    named = {"setpoints[0].depth": "step", "start_depth": "step"}
     with golden.said_as_typed(**named), working("flying the golden trace") as advance:
         from swimbladder.codegen.library import firmware as make
 

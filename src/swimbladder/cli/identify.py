@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.casts import OF_CASTS, LogCasts, refuse_doubted_unit
+from swimbladder.cli.casts import LogCasts, refuse_doubted_unit
 from swimbladder.cli.common import progress, working
 from swimbladder.cli.logs import LogReading, LogVehicle, vehicle_of
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, loaded, valued
-from swimbladder.cli.settings import Sought, deviation, known, setting
-from swimbladder.cli.texts import Given, names, once
+from swimbladder.cli.settings import Sought, deviation
+from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,17 +44,14 @@ def _identify_deep(
     import gsw
     import numpy as np
 
-    from swimbladder.estimation.motion.deep_model import CAST, DEEP, check_deep_request
+    from swimbladder.estimation.motion.deep_model import check_deep_request
     from swimbladder.io.float_logs import read_float_log
     from swimbladder.show.identification import check_folder
 
-    units = {name: about.unit for name, about in DEEP.items()}
-    held = once([setting(text, units) for text in sought.fixed or ()], "--set")
-    errors = {name: about.unit for name, about in CAST.items()}
-    before = once([known(text, units | errors) for text in sought.priors or ()], "--prior")
-    free = None if sought.free is None else names(sought.free)
+    asked = sought.read()
+    del asked["drag"]
     check_folder(to.out, given)
-    check_deep_request(vehicle, len(logs), casts.number, free=free, fixed=list(held), priors=before)
+    asked["fixed"], asked["priors"] = check_deep_request(vehicle, len(logs), casts.number, **asked)
     how: Any = {"log_format": reading.format_name, "columns": reading.mapped}
     read = []
     for log in logs:
@@ -63,16 +60,15 @@ def _identify_deep(
     found_casts = casts.casts()
     deepest = max(float(np.nanmax(log.pressure)) for log in read) / _DBAR
     reach = -float(gsw.z_from_p(deepest, found_casts[0].latitude))
-    refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit, OF_CASTS)
+    refuse_doubted_unit(found_casts, reach, vehicle.hull.depth_limit)
 
     from swimbladder.estimation.motion.deep import identify_deep as identify
     from swimbladder.physics.seawater import cast_column
     from swimbladder.show.deep import DeepIdentificationShown
 
     columns = [cast_column(cast) for cast in found_casts]
-    known_before: Any = {"free": free, "fixed": held, "priors": before}
     with progress("identifying from deep dives", 1.0) as advance:
-        found = identify(read, columns, vehicle, **known_before, advance=advance)
+        found = identify(read, columns, vehicle, **asked, advance=advance)
     to.answer(DeepIdentificationShown(found, notes=[note for log in read for note in log.report]))
 
 
@@ -91,20 +87,16 @@ class Fit(Options):
     drift_std: str = valued("RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min")
     delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
     drive: Given = valued("INPUT", "Input: volume or voltage (first logged).")
-    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).", name="--bottom")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
     surface_margin: str = valued("DEPTH", "Smallest depth used.", "0.1 m")
     profiles: bool = flag("--profiles/--no-profiles", "Profile likelihoods.", True)
-    process_noise: str = valued(
-        "MODE",
-        "Process noise: auto, always, never.",
-        "auto",
-    )
+    process_noise: str = valued("MODE", "Process noise: auto, always, never.", "auto")
     posterior: bool = flag("--posterior", "Sample the posterior (needs emcee).")
-    seed: int = valued(None, "Seed of the posterior samples.", 1, min=0)
+    seed: int = valued("N", "Seed of the posterior samples.", 1, min=0)
     paper: bool = flag("--paper", "Add the paper's fits: eqs (26), (27), averaged.")
 
 
-@grouped("where column free set prior drag", out=Path("swimbladder-identify"))
+@grouped("where column free fixed prior drag", out=Path("swimbladder-identify"))
 def identify(
     logs: LogFiles,
     vehicle: LogVehicle = None,

@@ -22,27 +22,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Reading(LogReading):
-    """How logs of an actuator are read."""
-
-    columns: Several = valued(
-        "NAME=COLUMN", r'As in piston_m="Position \[mm]" or piston_m=Position@mm.', name="--column"
-    )
-
-
-@dataclass(frozen=True)
 class Sought(Options):
     """What is known of the actuator, and what is to be identified."""
 
-    fixed: Several = valued("NAME=VALUE", 'Fix at a value: dead_zone="0.5 V".', name="--set")
-    ask: Given = valued(
+    fixed: Several = valued("NAME=VALUE", 'Parameter fixed at a value: "dead_zone=0.5 V".')
+    required: Given = valued(
         "NAME,...",
         "Exit with 1 unless identified: K1, T1, dead_zone, load_voltage, asymmetry, "
         "rate (K1 and T1; without a voltage T1 and rate; of a positioner the rate).",
     )
 
 
-@grouped("where column set ask", out=Path("swimbladder-identify-actuator"))
+@grouped("where column fixed required", out=Path("swimbladder-identify-actuator"))
 def identify_actuator(
     logs: LogFiles,
     vehicle: Annotated[
@@ -53,7 +44,7 @@ def identify_actuator(
         ),
     ] = None,
     *,
-    reading: Reading,
+    reading: LogReading,
     sought: Sought,
     plot: Annotated[bool, typer.Option("--plot", help="Also draw steps.png.")] = False,
     to: Files,
@@ -66,9 +57,9 @@ def identify_actuator(
     from swimbladder.estimation.actuator import PARAMETERS
 
     v = None if vehicle is None else loaded(vehicle, sampled=True)
-    set_to = (pair(text, "--set") for text in sought.fixed or [])
-    fixed = {n: quantity(text, PARAMETERS.get(n, ""), f"--set {n}") for n, text in set_to}
-    asked = sought.read()["ask"]
+    set_to = (pair(text, "--fixed") for text in sought.fixed or [])
+    fixed = {n: quantity(text, PARAMETERS.get(n, ""), f"--fixed {n}") for n, text in set_to}
+    required = sought.read()["required"]
     needs, chosen = ("time_s",), enumerate(reading.chosen(logs))
     given = [reading.log(one, v, quiet=k > 0, required=needs) for k, one in chosen]
     with progress("loading the fit"):
@@ -76,7 +67,7 @@ def identify_actuator(
 
     begun = time.perf_counter()
     with progress("identifying the actuator", 1.0) as advance:
-        found = identify(given, v, fixed=fixed, asked=asked, advance=advance)
+        found = identify(given, v, fixed=fixed, required=required, advance=advance)
     seconds = time.perf_counter() - begun
     from swimbladder.show.actuator import ActuatorIdentificationShown
 

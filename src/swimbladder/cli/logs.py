@@ -40,9 +40,9 @@ class Chosen(NamedTuple):
         return f"{self.path.name} {rows}".rstrip()
 
 
-def selections(texts: Sequence[str]) -> list[dict[str, str]]:
-    """Return one selection of rows for each log: all combinations of the values given."""
-    given = [pair(text, "--where") for text in texts]
+def selections(texts: Sequence[str], option: str = "--where") -> list[dict[str, str]]:
+    """Return one selection of rows for each log or cast: all combinations of the values given."""
+    given = [pair(text, option) for text in texts]
     names = [name for name, _ in given]
     values = [[v.strip() for v in value.split(",") if v.strip()] for _, value in given]
     return [dict(zip(names, one, strict=True)) for one in product(*values)]
@@ -57,12 +57,12 @@ def _states(text: str) -> bool:
 class LogReading(Options):
     """Which rows of files make logs, and how they are read."""
 
-    where: Several = valued("COLUMN=VALUE", "Only these rows; VALUE,VALUE: one log each.")
-    columns: Several = valued(
-        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
-    )
+    where: Several = valued("COLUMN=VALUE", "Rows of the log; VALUE,VALUE: one log each.")
+    columns: Several = valued("NAME=COLUMN", r'Column of the log: "depth_m=Depth \[cm]" or @cm.')
     log_format: Several = valued(
-        "FORMAT", r"TOML file with a \[log] table; also FIELD=VALUE: atmospheric_pressure=gauge."
+        "FORMAT",
+        r"Format of the log: TOML file with a \[log] table; also FIELD=VALUE: "
+        "atmospheric_pressure=gauge.",
     )
 
     def chosen(self, paths: Sequence[Path]) -> list[Chosen]:

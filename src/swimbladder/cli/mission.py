@@ -25,8 +25,8 @@ from swimbladder.cli.options import (
     flag,
     grouped,
     loaded,
+    supervised,
     valued,
-    watched,
 )
 from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
@@ -40,10 +40,10 @@ class Flown(Options):
     """How a mission is flown."""
 
     cycles: int | None = valued("N", "Cycles (as in the mission).", min=1)
-    duration: Given = valued("TIME", "No cycle begins after this time.")
-    bottom: Given = valued("DEPTH", "Depth of the bottom (as in the mission).")
-    seed: int | None = valued(None, "Seed of the sensors' noise (no noise).", min=0)
-    supervised: bool = watched()
+    duration: Given = valued("TIME", "Duration: no cycle begins after it.")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (as in the mission).")
+    seed: int | None = valued("N", "Seed of the sensors' noise (no noise).", min=0)
+    supervised: bool | None = supervised()
     begin: Given = valued("DATE", "Start, ISO 8601, for netCDF (none).")
 
 
@@ -51,15 +51,15 @@ class Flown(Options):
 class Also(Options):
     """What else is written."""
 
-    netcdf: bool = flag("--netcdf", "Also write mission.nc (OG1).")
-    plot: bool = flag("--plot", "Also write mission.png.")
-    config: bool = flag("--config", "Also write argo-config.json, by Argo's CONFIG_ names.")
+    netcdf: bool = flag("--netcdf", "Also write netCDF (OG1): mission.nc.")
+    plot: bool = flag("--plot", "Also draw mission.png.")
+    config: bool = flag("--config", "Also write Argo's CONFIG_ names: argo-config.json.")
 
 
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with phases and cycles.")
 
 
-@grouped("cycles duration bottom netcdf", out=Path("swimbladder-mission"))
+@grouped("cycles duration bottom_depth netcdf", out=Path("swimbladder-mission"))
 def mission(
     vehicle: VehicleName,
     mission: Annotated[Path, _MISSION],
@@ -82,7 +82,7 @@ def mission(
 
     v, task = loaded(vehicle, weighed=True), load_mission(mission)
     asked = how.read()
-    begin, bottom = asked.pop("begin"), asked.pop("bottom")
+    begin, bottom = asked.pop("begin"), asked.pop("bottom_depth")
     cycles, span = asked.pop("cycles"), asked.pop("duration")
     if also.netcdf and begin is not None:
         from swimbladder.sim.mission.export import og1_time

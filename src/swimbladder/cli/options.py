@@ -28,7 +28,7 @@ from swimbladder.cli.common import (
     typed_command,
 )
 from swimbladder.cli.texts import Given, depth_pair, names, pairs
-from swimbladder.errors import OPTIONS, InputError, NoAnswerError, check_number
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer
 from swimbladder.show.parts import Part, Shown
 
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 _UNITS = {
     "DEPTH": "m",
     "DENSITY": "kg/m3",
-    "DISTANCE": "m",
     "ENERGY": "J",
     "LENGTH": "m",
     "MASS": "kg",
@@ -57,8 +56,8 @@ _UNITS = {
 
 _VEHICLE = typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")
 VehicleName = Annotated[str, _VEHICLE]
-_ALONE, _ALONE_HELP = "--without-supervisor", "Simulate the law alone, without the supervisor."
-WithoutSupervisor = Annotated[bool, typer.Option(_ALONE, help=_ALONE_HELP)]
+_SUPERVISED = typer.Option("--supervised/--unsupervised", help="Supervised, or the law alone.")
+Supervised = Annotated[bool, _SUPERVISED]
 AnyVehicle = Annotated[str | None, _VEHICLE]
 LogFiles = Annotated[list[Path], typer.Argument(metavar="LOG...", help="CSV files, or gzipped.")]
 
@@ -74,8 +73,9 @@ def valued(
 ) -> Any:
     """Return a field of a group: an option with a word for its value in the help.
 
-    default: ... where it must be given. name: of the option, where that is not the field's. read:
-    how its text is read, where the word does not say it. more: as `typer.Option` has it.
+    default: ... where it must be given. name: of the option, where that is not the field's (of
+    one of a list without its s). read: how its text is read, where the word does not say it. more:
+    as `typer.Option` has it.
     """
     info = typer.Option(*([] if name is None else [name]), metavar=word, help=help, **more)
     about = {"info": info, "read": read}
@@ -89,21 +89,14 @@ def loaded(name: str, **able: bool) -> "Vehicle":
     return load_vehicle(name, **able)
 
 
-def flag(name: str, help: str, default: bool = False) -> Any:
+def flag(name: str, help: str, default: bool | None = False) -> Any:
     """Return a field of a group: an option without a value."""
     return valued(None, help, default, name=name)
 
 
-def watched() -> Any:
-    """Return a field `supervised`: False for the law alone, None for what the vehicle's file says.
-
-    Of `Options.read`; the option itself is a flag.
-    """
-
-    def supervised(alone: bool, _: str) -> bool | None:
-        return False if alone else None
-
-    return valued(None, _ALONE_HELP, False, name=_ALONE, read=supervised)
+def supervised() -> Any:
+    """Return a field: whether law and supervisor are flown, None for what the file says."""
+    return valued(None, str(_SUPERVISED.help), None, name="--supervised/--unsupervised")
 
 
 def _moment(text: str, option: str) -> datetime.datetime:
@@ -122,7 +115,7 @@ def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:
         return about["read"](text, option)
     if word in ("LEAST:MOST", "FROM:TO"):
         return depth_pair(text, option)
-    if word in ("NAME=COLUMN", "COLUMN=VALUE"):
+    if word in ("NAME=COLUMN", "COLUMN=VALUE", "NAME=VALUE"):
         return pairs(text, option)
     if word == "NAME,...":
         return names(text)
@@ -177,7 +170,7 @@ class Options:
             raise InputError(why, field=option, value=value, remedy=remedy)
 
     def said_as_typed(self, **others: str) -> AbstractContextManager[None]:
-        """Name in errors of the block the option of a field, and what was typed for it.
+        """Name in messages of the block the option of a field, and what was typed for it.
 
         A command does so for all of its groups: this is for fields of which two have one, and for
         others: those that this group calls otherwise, ``z="depth"``.
@@ -280,10 +273,9 @@ class TimeLimit(Options):
 class Golden(Options):
     """The step of the golden trace, as `codegen.library.firmware` has it."""
 
-    start_depth: Given = valued("DEPTH", "Golden trace: start (1.5 m; float: 0 m)", name="--start")
-    target: Given = valued("DEPTH", "Golden trace: set-point (3 m; float: 100 m)")
-    duration: Given = valued("TIME", "Golden trace: time (400 s; float: 5400 s)")
-    seed: int = valued(None, "Golden trace: seed of the sensors' noise.", 1, min=0)
+    step: Given = valued("FROM:TO", "Step of the golden trace (1.5:3 m; float: 0:100 m).")
+    duration: Given = valued("TIME", "Duration of the golden trace (400 s; float: 5400 s).")
+    seed: int = valued("N", "Seed of the sensors' noise.", 1, min=0)
 
 
 _COMMON = ("vehicle", "cast", "seed", "plot", "out", "full", "json")
@@ -325,15 +317,11 @@ def grouped(
             typed = {"--" + name.replace("_", "-"): value for name, value in given.items()}
             for name, (kind, called) in groups.items():
                 given[name] = kind(**{one: given.pop(word) for one, word in called.items()})
-            OPTIONS.update(asked)
-            try:
-                with said_as_typed(asked, typed):
-                    for made in given.values():
-                        if isinstance(made, Files):
-                            made.check()
-                    command(**given)
-            finally:
-                OPTIONS.clear()
+            with said_as_typed(asked, typed):
+                for made in given.values():
+                    if isinstance(made, Files):
+                        made.check()
+                command(**given)
 
         if first is not None:
             taken = [_placed(one, {*first.split(), *_COMMON}) for one in taken]
@@ -367,7 +355,9 @@ def _option(one: Field[Any]) -> str:
     named = one.metadata["info"].default
     if isinstance(named, str):
         return named.split("/")[-1].strip()
-    return "--" + one.name.replace("_", "-")
+    several = any(word in str(one.type) for word in ("Several", "list"))
+    name = one.name.removesuffix("s") if several else one.name
+    return "--" + name.replace("_", "-")
 
 
 def _parameter(name: str, kind: object, default: object) -> inspect.Parameter:

@@ -19,21 +19,21 @@ from swimbladder.cli.texts import Given, depth_pair
 class Asked(Options):
     """What is planned, as `design.planning.plan` has it."""
 
-    goal: str = valued("GOAL", "Minimise time, effort (volume moved) or energy.", "time")
+    goal: str = valued("GOAL", "Goal: least time, effort (volume moved) or energy.", "time")
     arrive: Given = valued("HOW", "Arrival: band (for good; goal time) or rest (exactly).")
-    duration: Given = valued("TIME", "Time to rest, for effort and energy (twice the least).")
+    duration: Given = valued("TIME", "Duration, for effort and energy (twice the least).")
     supply: Given = valued("VOLTAGE", "Supply voltage (the vehicle's).")
     sample_time: Given = valued("TIME", "Sample time (the controller's).")
     band: str = valued("SHARE", "Band about the target, relative to the step.", "2 %")
-    margin: str = valued("SHARE", "Share of supply and stroke kept for feedback.", "0 %")
-    speed_limit: Given = valued("SPEED", "Largest vertical speed.")
-    bottom_depth: Given = valued("DEPTH", "Depth of the bottom.", name="--bottom")
+    feedback_reserve: str = valued("SHARE", "Reserve of supply and stroke for feedback.", "0 %")
+    max_speed: Given = valued("SPEED", "Largest vertical speed.")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
 
 
-@grouped("step goal arrive duration supply bottom", out=Path("swimbladder-plan"))
+@grouped("step goal arrive duration supply bottom_depth", out=Path("swimbladder-plan"))
 def plan(
     vehicle: VehicleName,
-    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Step, from rest to rest.")],
+    step: Annotated[str, typer.Option(metavar="FROM:TO", help="Step from rest to rest.")],
     *,
     asked: Asked,
     to: Files,
@@ -44,12 +44,11 @@ def plan(
     that there is no plan, what is in the way, and how much more of it would do.
     """
     v = loaded(vehicle, sampled=True)
-    start, target = depth_pair(step, "--step")
-    options = asked.given()
+    way, options = depth_pair(step, "--step"), asked.given()
     with _told_how_to_go_on(), working("solving programs") as advance:
         from swimbladder.design.planning import plan as find
 
-        found = find(v, start, target, advance=advance, **options)
+        found = find(v, way, advance=advance, **options)
     to.answer(found)
 
 

@@ -36,14 +36,12 @@ class Rehearsed(Options):
     """A rehearsal in simulated water."""
 
     truth: Given = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
-    speed: float | None = valued(
-        None, "Simulated seconds per second (60 on a terminal, else unlimited)."
+    real_time_factor: float | None = valued(
+        "FACTOR", "Simulated seconds per second (60 on a terminal, else unlimited)."
     )
-    sensor_std: Given = valued(
-        "DEPTH", "Noise of the simulated depth (the vehicle's; 2 mm if none)."
-    )
-    seed: int = valued(None, "Seed of the simulated noise.", 0, min=0)
-    most: int = valued(None, "Largest number of experiments in a rehearsal.", 16, min=1)
+    depth_noise: Given = valued("DEPTH", "Depth noise, 1 sigma (the vehicle's; 2 mm if none).")
+    seed: int = valued("N", "Seed of the sensors' noise.", 0, min=0)
+    max_experiments: int = valued("N", "Largest number of experiments in a rehearsal.", 16, min=1)
 
     def operator(self, vehicle: Vehicle, bottom: float) -> Operator:
         """Return who rehearses: the vehicle in simulated water `bottom` [m] deep."""
@@ -51,26 +49,23 @@ class Rehearsed(Options):
         from swimbladder.design.pool_day.rehearsal import check_waiting
 
         truth = vehicle if self.truth is None else loaded(self.truth, sampled=True)
-        std = self.read()["sensor_std"]
+        std = self.read()["depth_noise"]
         if std is None and truth.sensors.depth_noise == truth.sensors.depth_quantum == 0.0:
             std = _NOISE
-            taken = f"{1e3 * std:g} mm (1 sigma) is taken; --sensor-std says another"
+            taken = f"{1e3 * std:g} mm (1 sigma) is taken; --depth-noise says another"
             aside(f"{truth.name} states no noise of its depth: {taken}")
-        with self.said_as_typed(depth_noise="sensor_std"):
-            check_waiting(speed=self.speed)
-            if std is not None:
-                truth = truth.with_sensors(depth_noise=std)
-            return Operator(vehicle, truth, pool_depth=bottom, seed=self.seed)
+        check_waiting(real_time_factor=self.real_time_factor)
+        if std is not None:
+            truth = truth.with_sensors(depth_noise=std)
+        return Operator(vehicle, truth, bottom_depth=bottom, seed=self.seed)
 
 
 @dataclass(frozen=True)
 class Followed(Options):
     """A log that is being written."""
 
-    columns: Several = valued(
-        "NAME=COLUMN", r'As in depth_m="Depth \[cm]" or depth_m=Depth@cm.', name="--column"
-    )
-    log_format: Given = valued("FORMAT", r"TOML file with a \[log] table.")
+    columns: Several = valued("NAME=COLUMN", r'Column of the log: "depth_m=Depth \[cm]" or @cm.')
+    log_format: Given = valued("FORMAT", r"Format of the log: TOML file with a \[log] table.")
     wait: bool = flag("--wait/--no-wait", "Wait for more rows, or stop at the end.", True)
     timeout: str = valued("TIME", "Stop if the log has not grown for this time.", "15 min")
 
@@ -93,12 +88,14 @@ class Followed(Options):
 class Procedure(Options):
     """What is done in the pool."""
 
-    pool_depth: Given = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
-    travel: str = valued("DISTANCE", "Travel that ends an experiment.", "3 m")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (4.5 m in a rehearsal).")
+    travel: str = valued("LENGTH", "Travel that ends an experiment.", "3 m")
     plan: Path | None = valued("PLAN", "Plan from design-experiment (the paper's experiments).")
 
 
-def _targets(text: str, option: str) -> list[Target]:
+def _targets(text: str, option: str) -> list[Target] | float:
+    if "=" not in text:
+        return quantity(text, "", option)
     from swimbladder.design.pool_day import Target
     from swimbladder.estimation.motion.problem import NAMES
 
@@ -118,12 +115,16 @@ def _targets(text: str, option: str) -> list[Target]:
 class Goals(Options):
     """How well parameters are to be known."""
 
-    target_std: Given = valued("SHARE", "Target standard error, all but psi (2 %).")
-    target: Given = valued("NAME=STD,...", 'Target standard errors: "K2=2%,T2=3%".', read=_targets)
-    neutral_std: str = valued(
-        "VOLUME", "Prior of the neutral volume at rest, 1 sigma.", "0.5 cm3", read=deviation("m3")
+    target_std: Given = valued(
+        "SHARE", 'Target standard error, all but psi (2 %); or "K2=2%,T2=3%".', read=_targets
     )
-    drift_std: str = valued("RATE", "Drift of each neutral volume, 1 sigma.", "0.1 cm3/min")
+    neutral_std: str = valued(
+        "VOLUME",
+        "Prior of each log's neutral volume, 1 sigma.",
+        "0.5 cm3",
+        read=deviation("m3"),
+    )
+    drift_std: str = valued("RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min")
     delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
 
 
@@ -134,7 +135,7 @@ _SIMULATE = typer.Option("--simulate", help="Rehearse on the simulated vehicle."
 _FOLLOW = typer.Option(metavar="LOG", help="Follow a log that is being written.")
 
 
-@grouped("simulate follow pool_depth plan truth target_std", out=Path("swimbladder-pool"))
+@grouped("simulate follow bottom_depth plan truth target_std", out=Path("swimbladder-pool"))
 def pool(
     vehicle: VehicleName,
     simulate: Annotated[bool, _SIMULATE] = False,
@@ -159,13 +160,13 @@ def pool(
     if simulate:
         followed.refuse("it is for a log that is followed", "Leave it out", "wait", "timeout")
     else:
-        rehearsed.refuse("it is for a rehearsal", "Leave it out", "seed", "most")
+        rehearsed.refuse("it is for a rehearsal", "Leave it out", "seed", "max_experiments")
     v = loaded(vehicle, sampled=True)
     done = procedure.read()
     chosen = _plan(procedure)
-    bottom = done["pool_depth"]
+    bottom = done["bottom_depth"]
     if bottom is None:
-        bottom = chosen.pool_depth if chosen else _POOL if simulate else None
+        bottom = chosen.bottom_depth if chosen else _POOL if simulate else None
     with progress("loading the fit"):
         from swimbladder.design.pool_day import PoolDay, finished, paper_tasks, plan_tasks, rehearse
         from swimbladder.design.pool_day import follow as follow_log
@@ -176,8 +177,8 @@ def pool(
         errors = {name: aims.pop(f"{name}_std") for name in ("neutral", "drift", "delay")}
         known = Asked(**before, **{f"{name}_std": std for name, std in errors.items()})
         asked = asked_of(v, known, **aims)
-        rules = rules_of(v, pool_depth=bottom, travel=done["travel"], plan=chosen)
-        tasks = plan_tasks(chosen) if chosen else paper_tasks(v, pool_depth=bottom)
+        rules = rules_of(v, bottom_depth=bottom, travel=done["travel"], plan=chosen)
+        tasks = plan_tasks(chosen) if chosen else paper_tasks(v, bottom_depth=bottom)
     mode = "simulated" if simulate else "followed"
     # What is wrong with the input is said before anything is touched.
     if simulate:
@@ -191,8 +192,9 @@ def pool(
         view = View(day, quiet=to.json)
         files = [to.out / "pool.csv"] if simulate else []
         if simulate:
-            pace = rehearsed.speed or (60.0 if view.live else math.inf)
-            _through(view, rehearse(day, operator, most=rehearsed.most, speed=pace, whole=files[0]))
+            pace = rehearsed.real_time_factor or (60.0 if view.live else math.inf)
+            most = rehearsed.max_experiments
+            _through(view, rehearse(day, operator, most=most, speed=pace, whole=files[0]))
         else:
             growing = follow_log(day, tail, timeout=limit) if followed.wait else finished(day, tail)
             _through(view, growing)
@@ -218,9 +220,9 @@ def _plan(procedure: Procedure) -> Plan | None:
 
     if procedure.plan is None:
         return None
-    if (depth := procedure.pool_depth) is not None:
+    if (depth := procedure.bottom_depth) is not None:
         why, remedy = "the plan says this already", "Leave it out, or the plan"
-        raise InputError(why, field="--pool-depth", value=depth, remedy=remedy)
+        raise InputError(why, field="--bottom-depth", value=depth, remedy=remedy)
     return load_plan(procedure.plan)
 
 

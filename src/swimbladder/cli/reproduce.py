@@ -15,7 +15,7 @@ from swimbladder.cli.options import Files, Options, grouped, valued
 class Asked(Options):
     """What its noise is drawn from."""
 
-    seed: int = valued(None, "Seed of the sensors' noise in the pool.", 2023, min=0)
+    seed: int = valued("N", "Seed of the sensors' noise.", 2023, min=0)
 
 
 @grouped(out=Path("report/paper"))

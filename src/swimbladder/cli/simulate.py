@@ -19,10 +19,10 @@ from swimbladder.cli.options import (
     Files,
     Options,
     VehicleName,
-    WithoutSupervisor,
     flag,
     grouped,
     loaded,
+    supervised,
     valued,
 )
 from swimbladder.cli.texts import Given
@@ -38,49 +38,53 @@ if TYPE_CHECKING:
 
 _START, _TARGET, _DURATION = 1.5, 3.0, 400.0
 _DIVE, _WAY = 500.0, 250.0  # m, and m in an hour, of a float with pump and valve
-_FIELDS = {"setpoints[0].depth": "target"}
 
 
 @dataclass(frozen=True)
 class Step(Options):
     """A step of depth, in place of a mission's file."""
 
-    start_depth: Given = valued(
-        "DEPTH", f"Start, at rest and neutral ({_START} m; a float: the surface)", name="--start"
+    step: Given = valued(
+        "FROM:TO", f"Step from rest ({_START}:{_TARGET:g} m; a float: 0:{_DIVE:g} m and up again)."
     )
-    target: Given = valued("DEPTH", f"Set-point ({_TARGET} m; a float: {_DIVE:g} m and up again)")
-    duration: Given = valued("TIME", f"Duration ({_DURATION:g} s; a float: as needed)")
-    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none)", name="--bottom")
+    duration: Given = valued("TIME", f"Duration ({_DURATION:g} s; a float: as needed).")
+    bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
 
 
 @dataclass(frozen=True)
 class Also(Options):
     """What else is written."""
 
-    netcdf: bool = flag("--netcdf", "Also write trajectory.nc.")
+    netcdf: bool = flag("--netcdf", "Also write netCDF: trajectory.nc.")
     begin: Given = valued("DATE", "Start, ISO 8601, for netCDF (none).")
-    plot: bool = flag("--plot", "Also write trajectory.png.")
+    plot: bool = flag("--plot", "Also draw trajectory.png.")
 
 
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration.")
-_SEED = typer.Option(help="Seed of the sensors' noise (sensors without noise)", min=0)
 
 
-@grouped("start target duration bottom netcdf", out=Path("swimbladder-simulate"))
+@dataclass(frozen=True)
+class How(Options):
+    """With which noise, and under what."""
+
+    seed: int | None = valued("N", "Seed of the sensors' noise (sensors without noise).", min=0)
+    supervised: bool | None = supervised()
+
+
+@grouped("step duration bottom_depth netcdf", out=Path("swimbladder-simulate"))
 def simulate(
     vehicle: VehicleName,
     mission: Annotated[Path | None, _MISSION] = None,
     *,
     step: Step,
-    seed: Annotated[int | None, _SEED] = None,
-    without_supervisor: WithoutSupervisor = False,
+    how: How,
     reading: CastReading,
     to: Files,
     also: Also,
 ) -> None:
     """Simulate depth steps or a mission in closed loop.
 
-    Depths and times are in m and s, or carry a unit: --start "150 cm" --duration "5 min".
+    Depths and times are in m and s, or carry a unit: --step "150:300 cm" --duration "5 min".
 
     With --cast the neutral volume follows the density and temperature of that water.
 
@@ -97,15 +101,16 @@ def simulate(
     task = _mission(v, mission, step)
     casts = reading.casts()
     warn_of_mass(v)
-    with step.said_as_typed(**_FIELDS) if mission is None else asked_of(mission, task):
+    named = {"setpoints[0].depth": "step", "start_depth": "step"}
+    with step.said_as_typed(**named) if mission is None else asked_of(mission, task):
         reach, medium = max([task.start_depth, *(depth for _, depth in task.pairs)]), None
         water = water_of_cast(casts, reach, v.hull.depth_limit)
         if water is not None:
             from swimbladder.sim.closed_loop.water import medium_of
 
             medium = medium_of(v, water, reach=reach)
-        s = _run(v, task, seed, water, False if without_supervisor else None)
-    to.answer(_shown(s, task, water, [*_notes(s, water, medium), *_seed_unused(v, seed)], also))
+        s = _run(v, task, how, water)
+    to.answer(_shown(s, task, water, [*_notes(s, water, medium), *_seed_unused(v, how.seed)], also))
 
 
 def _shown(
@@ -138,12 +143,13 @@ def _mission(vehicle: Vehicle, path: Path | None, step: Step) -> Mission:
         remedy = f"Leave the option out, or the file {path}"
         step.refuse("the mission file says this already", remedy)
         return load_mission(path)
-    given = step.given()
-    target = given.pop("target", None)
+    given, target = step.given(), None
+    if (asked := given.pop("step", None)) is not None:
+        given["start_depth"], target = asked
     if vehicle.command != "volume change":
-        asked = {"start_depth": _START, "duration": _DURATION, **given}
+        given = {"start_depth": _START, "duration": _DURATION, **given}
         point = Setpoint(time=0.0, depth=_TARGET if target is None else target)
-        return Mission(name="step", setpoints=(point,), **asked)
+        return Mission(name="step", setpoints=(point,), **given)
     deepest = min(vehicle.hull.depth_limit or math.inf, given.get("bottom_depth", math.inf))
     depth = min(_DIVE, 0.5 * deepest) if target is None else target
     way = abs(depth - given.setdefault("start_depth", 0.0))
@@ -182,13 +188,7 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[Labelled]:
     return [Labelled("note", f"--seed {seed} changes nothing: {lacks}")]
 
 
-def _run(
-    vehicle: Vehicle,
-    task: Mission,
-    seed: int | None,
-    column: Column | None,
-    supervised: bool | None,
-) -> Solution:
+def _run(vehicle: Vehicle, task: Mission, how: How, column: Column | None) -> Solution:
     """Simulate; say on stderr what is waited for."""
     with progress("loading the simulator"):
         from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
@@ -202,9 +202,9 @@ def _run(
             duration=task.span,
             start_depth=task.start_depth,
             bottom_depth=task.bottom,
-            seed=seed,
+            seed=how.seed,
             column=column,
-            supervised=supervised,
+            supervised=how.supervised,
             advance=advance,
         )
 

@@ -18,23 +18,21 @@ from swimbladder.cli.texts import Given
 class Task(Options):
     """The dive, as `design.sizing.Dive` has it."""
 
-    depth: str = valued("DEPTH", "Greatest depth.", "1000 m")
+    max_depth: str = valued("DEPTH", "Greatest depth.", "1000 m")
     speed: str = valued("SPEED", "Vertical speed.", "0.1 m/s")
     turn_time: str = valued("TIME", "Longest time from sinking to rising at the depth.", "10 min")
-    trim: str = valued("VOLUME", "Uncertainty of the neutral volume, 1 sigma.", "20 cm3")
-    probability: str = valued("SHARE", "Probability that the stroke covers the trim.", "95 %")
-    freeboard: str = valued("VOLUME", "Volume that lifts the antenna.", "0 cm3")
-    reserve: str = valued("SHARE", "Reserve of the stroke.", "10 %")
-    cycles: int = valued("N", "Dives on one battery.", 200)
-    park_time: str = valued("TIME", "Time at the depth per cycle.", "0 s", name="--park")
+    trim_std: str = valued("VOLUME", "1 sigma of the neutral volume.", "20 cm3")
+    probability: str = valued("SHARE", "Probability that the stroke suffices.", "95 %")
+    antenna_volume: str = valued("VOLUME", "Volume that lifts the antenna.", "0 cm3")
+    stroke_reserve: str = valued("SHARE", "Reserve of the stroke.", "10 %")
+    cycles: int = valued("N", "Cycles on one battery.", 200)
+    park_time: str = valued("TIME", "Time at the depth per cycle.", "0 s")
     hotel: str = valued("POWER", "Power of everything but the drive.", "20 mW")
-    surface_energy: str = valued(
-        "ENERGY", "Energy for fix and telemetry per cycle.", "0 J", name="--surfacing"
-    )
+    surface_energy: str = valued("ENERGY", "Energy for fix and telemetry per cycle.", "0 J")
     corrections: str = valued("SHARE", "Added way and energy of corrections.", "20 %")
     surface_time: str = valued("TIME", "Time at the surface per cycle.", "15 min")
     battery_reserve: str = valued("SHARE", "Reserve of the battery.", "10 %")
-    coldest: Given = valued("TEMP", "Battery temperature (the cast's, or 4 degC).")
+    battery_temperature: Given = valued("TEMP", "Battery temperature (the cast's, or 4 degC).")
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,7 @@ class Driver(Options):
         "SHARE", "Efficiency of the driver (the list's).", name="--driver-efficiency"
     )
     standby_power: Given = valued(
-        "POWER", "Standby power of the driver (the list's).", name="--driver-standby"
+        "POWER", "Standby power of the driver (the list's).", name="--driver-standby-power"
     )
 
 
@@ -53,16 +51,16 @@ class Driver(Options):
 class Limits(Options):
     """What is to be least, and what the body has room for."""
 
-    least: str = valued("WHAT", "Minimise mass (drive, battery) or energy (per cycle).", "mass")
-    longest_travel: str = valued("LENGTH", "Longest travel of a piston.", "0.6 m")
-    largest_mass: Given = valued("MASS", "Largest mass of drive and battery (the body's).")
+    goal: str = valued("GOAL", "Goal: least mass (drive, battery) or energy (per cycle).", "mass")
+    max_piston_stroke: str = valued("LENGTH", "Longest travel of the piston.", "0.6 m")
+    max_mass: Given = valued("MASS", "Largest mass of drive and battery (the body's).")
 
 
 _BODY = typer.Argument(metavar="BODY", help="Preset or TOML file with hull, mass and drag.")
 _PARTS = typer.Option(metavar="FILE", help="List of parts (a typical one).")
 
 
-@grouped("depth speed cycles turn_time park parts least", out=Path("swimbladder-size"))
+@grouped("max_depth speed cycles turn_time park_time parts goal", out=Path("swimbladder-size"))
 def size(
     body: Annotated[str, _BODY] = "example-eh",
     *,
@@ -89,7 +87,7 @@ def size(
         from swimbladder.physics.seawater import cast_column
 
         sea = cast_column(casts[0])
-        refuse_doubted_unit(casts, asked["depth"], vehicle.hull.depth_limit)
+        refuse_doubted_unit(casts, asked["max_depth"], vehicle.hull.depth_limit)
     listed = load_parts(parts).with_driver(**driver.read())
     doing = progress("weighing drives", total=6.0)
     with doing as advance:

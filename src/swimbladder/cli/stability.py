@@ -14,8 +14,8 @@ from swimbladder.cli.options import (
     flag,
     grouped,
     loaded,
+    supervised,
     valued,
-    watched,
 )
 from swimbladder.cli.texts import Given, Several
 
@@ -31,24 +31,19 @@ def _all(texts: list[str], _: str) -> tuple[str, ...]:
 class Asked(Options):
     """What is looked at, as `design.stability.stability` has it."""
 
-    depths: str = valued("LEAST:MOST", "Depth range.", "0:10 m", name="--depth")
+    depth_range: str = valued("LEAST:MOST", "Depth range.", "0:10 m")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
-    within: Given = valued(
-        "TIME",
-        "Recovery time (600 s; floats: 1.5 times the way and an hour).",
-    )
+    within: Given = valued("TIME", "Recovery time (600 s; floats: 1.5 times the way and an hour).")
     cells: int = valued("N", "Cells of a map per side.", 21)
     voltage_quantum: str = valued("VOLTAGE", "Voltage step of the motor's driver (none).", "0 V")
-    no_maps: bool = flag("--no-maps", "Skip the recovery maps.")
-    with_robustness: bool = flag("--robustness", "Vary the gain (0.5 to 2) and the delay.")
-    laws: Several = valued(
-        "LAW", "--robustness: also this law, tuned first.", name="--law", read=_all
-    )
-    draws: int = valued("N", "--robustness: vehicles per case.", 200)
-    supervised: bool = watched()
+    maps: bool = flag("--maps/--no-maps", "Recovery maps.", True)
+    robustness: bool = flag("--robustness", "Vary the gain (0.5 to 2) and the delay.")
+    laws: Several = valued("LAW", "Law tuned first, for --robustness; repeatable.", read=_all)
+    runs: int = valued("N", "Runs of each case, for --robustness.", 200)
+    supervised: bool | None = supervised()
 
 
-@grouped("depth law robustness no_maps", out=Path("swimbladder-stability"))
+@grouped("depth_range law robustness maps", out=Path("swimbladder-stability"))
 def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
     r"""Analyse stability under the law: small motions, limit cycles, large motions.
 
@@ -61,7 +56,6 @@ def stability(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
 
     v = loaded(vehicle)
     options = asked.given()
-    options["maps"] = not options.pop("no_maps")
     keep = unfinished(to.out)
     with working("looking for what is unstable", keep=keep) as advance:
         from swimbladder.design.stability import stability as find

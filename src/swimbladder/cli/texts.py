@@ -1,16 +1,15 @@
 """How the texts that options take are read: names, pairs NAME=VALUE, depths and their units."""
 
-import re
 from collections.abc import Sequence
 from typing import TypeVar
 
 from swimbladder.cli.common import quantity
 from swimbladder.errors import InputError
+from swimbladder.units import with_one_unit
 
 Given = str | None  # a text that need not be given
 Several = list[str] | None  # likewise, more than one
 _Value = TypeVar("_Value")
-_NUMBER = re.compile(r"\s*[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 
 
 def names(text: str) -> tuple[str, ...]:
@@ -30,18 +29,6 @@ def depth_pair(text: str, option: str) -> tuple[float, float]:
         raise InputError(why, field=option, value=text, unit="m", remedy=remedy)
     first, last = (quantity(part, "m", option) for part in with_one_unit(parts))
     return first, last
-
-
-def unit_of(text: str) -> str:
-    """Return what stands behind a number, "" where nothing does."""
-    number = _NUMBER.match(text)
-    return "" if number is None else text[number.end() :].strip()
-
-
-def with_one_unit(texts: Sequence[str]) -> list[str]:
-    """Return quantities; numbers alone get the unit of the last."""
-    unit, parts = unit_of(texts[-1]), [text.strip() for text in texts]
-    return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]
 
 
 def pair(text: str, option: str) -> tuple[str, str]:

@@ -11,8 +11,8 @@ from swimbladder.cli.common import working
 from swimbladder.cli.options import (
     Files,
     Options,
+    Supervised,
     VehicleName,
-    WithoutSupervisor,
     grouped,
     loaded,
     valued,
@@ -28,26 +28,28 @@ class Design(Options):
     """What gains are sought."""
 
     law: Given = valued("LAW", "Law (chosen; pump and valve: rate); a wrong name lists all.")
-    goal: str = valued("GOAL", "fast (settling time), quiet (actuator motion) or energy.", "fast")
-    depths: str = valued("LEAST:MOST", "Depth range of the design.", "0:10 m", name="--depth")
+    goal: str = valued(
+        "GOAL", "Goal: fast (settling time), quiet (actuator motion) or energy.", "fast"
+    )
+    depth_range: str = valued("LEAST:MOST", "Depth range of the design.", "0:10 m")
     step: Given = valued("FROM:TO", "Step of the simulations (1.5 m; float: all depths).")
     sample_time: Given = valued("TIME", "Sample time (the controller's).")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
-    supply: Given = valued("VOLTAGE", "Lowest supply (0.9 of the vehicle's).")
+    supply: Given = valued("VOLTAGE", "Supply voltage, the lowest (0.9 of the vehicle's).")
     hold: Given = valued(
         "DEPTH", "Allowed holding error, rms (quiet 9.5 mm, energy 5 cm; float: its band)."
     )
-    runs: int = valued("N", "Simulations per case.", 200)
+    runs: int = valued("N", "Runs of each case.", 200)
 
 
-@grouped("law goal depth step depth_noise", out=Path("swimbladder-tune"))
+@grouped("law goal depth_range step depth_noise", out=Path("swimbladder-tune"))
 def tune(
     vehicle: VehicleName,
     *,
     design: Design,
     sensor: DepthSensor,
     reading: CastReading,
-    without_supervisor: WithoutSupervisor = False,
+    supervised: Supervised = True,
     to: Files,
 ) -> None:
     r"""Find gains of a law that meet the stability margins over the 95 % parameter region.
@@ -60,10 +62,10 @@ def tune(
     """
     v = sensor.on(loaded(vehicle))
     options = design.read()
-    reach = max(*options["depths"], *(options["step"] or ()))
+    reach = max(*options["depth_range"], *(options["step"] or ()))
     options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     with working("searching gains") as advance:
         from swimbladder.design.tuning import tune as find
 
-        found = find(v, **options, supervised=not without_supervisor, advance=advance)
+        found = find(v, **options, supervised=supervised, advance=advance)
     to.answer(found)

@@ -58,7 +58,7 @@ def show(
     to.show(answer, [made.head, made.follows], [lines, *to.wrote(files)])
 
 
-_PISTON = typer.Option(metavar="DIAMETER", help='Diameter of the piston: "60 mm".')
+_PISTON = typer.Option(metavar="LENGTH", help='Diameter of the piston: "60 mm".')
 _STROKE = typer.Option(metavar="LENGTH", help='Travel of the piston: "100 mm".')
 _PATH = typer.Argument(metavar="FILE", help="Where to write; KIND.toml by default.")
 
@@ -75,8 +75,8 @@ def new(
             "unified, positioner, or pump-valve (a deep float's).",
         ),
     ] = "electromechanical",
-    piston: Annotated[str | None, _PISTON] = None,
-    stroke: Annotated[str | None, _STROKE] = None,
+    piston_diameter: Annotated[str | None, _PISTON] = None,
+    piston_stroke: Annotated[str | None, _STROKE] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite the file.")] = False,
     *,
     to: Printed,
@@ -94,8 +94,12 @@ def new(
     if there(target) and not force:
         remedy = "Choose another name, or overwrite it with --force"
         raise InputError("the file exists already", file=target, field="FILE", remedy=remedy)
-    size = {"piston": piston, "stroke": stroke}
-    given = {one: quantity(x, "m", f"--{one}") for one, x in size.items() if x is not None}
+    size = {"diameter": piston_diameter, "stroke": piston_stroke}
+    given = {
+        f"piston_{one}": quantity(x, "m", f"--piston-{one}")
+        for one, x in size.items()
+        if x is not None
+    }
     for one, length in given.items():
         check_number(length, one, "m", above=0.0, most=10.0)
     short = vehicle_start(kind, target.stem, **given)
@@ -105,7 +109,7 @@ def new(
 
 
 _CHANGES = typer.Argument(metavar="FIELD=VALUE...", help='Fields: motion.K2=6500 "motion.T2=42 s".')
-_OUT = typer.Option("--out", metavar="FILE", help="File to write.")
+_FILE = typer.Option(metavar="FILE", help="File to write.")
 
 
 @vehicle.command("set")
@@ -113,7 +117,7 @@ _OUT = typer.Option("--out", metavar="FILE", help="File to write.")
 def set_fields(
     name: Annotated[str, typer.Argument(metavar="VEHICLE", help="Preset or TOML file.")],
     changes: Annotated[list[str], _CHANGES],
-    out: Annotated[Path | None, _OUT] = None,
+    file: Annotated[Path | None, _FILE] = None,
     *,
     to: Printed,
 ) -> None:
@@ -128,11 +132,11 @@ def set_fields(
     check_vehicle(found)
     if to.full and not to.json:
         sys.stdout.write(vehicle_file(found))
-    files = [] if out is None else [save_vehicle(found, out)]
+    files = [] if file is None else [save_vehicle(found, file)]
     old, new = fields_of(before), fields_of(found)
     was = {field: {"before": old.get(field, {}).get("value")} for field in new}
     changed = {field: was[field] | x for field, x in new.items() if x != old.get(field)}
     said = [f"{f}: {x['before']} to {x['value']} {x['unit']}".rstrip() for f, x in changed.items()]
-    end = f"wrote {out}" if out else "nothing is written: --out FILE writes it, --full prints it"
+    end = f"wrote {file}" if file else "nothing is written: --file FILE writes it, --full prints it"
     if to.json or not to.full:
         to.show({"changed": changed, "files": files}, said, [end])

@@ -40,7 +40,7 @@ from swimbladder.sim.faults.draw import Result, course_of, draw
 from swimbladder.sim.faults.flight import OWN
 from swimbladder.sim.faults.kinds import KINDS, On
 from swimbladder.sim.faults.run import FaultCampaign
-from swimbladder.units import rounded
+from swimbladder.units import in_unit, read_numbers, rounded
 from swimbladder.vehicle import Vehicle
 
 _ON_DECK, _RESET = 3, 5  # ticks before it is armed; before and after a reset
@@ -51,17 +51,19 @@ _LATE = 0.1  # of a sample time, by which a tick may be late
 class Flights:
     """What is flown: the golden mission, steps to and fro, missions with faults, and a reset.
 
-    start_depth, target [m], duration [s]: of the golden mission, see `library.firmware`; seed:
-    of noise and faults; depths [m]: of the missions with faults, as `sim.faults` has them.
+    step [m], duration [s]: of the golden mission, see `library.firmware`; seed: of noise and
+    faults; missions with faults, and their depth_range [m], as `sim.faults` has them.
     """
 
-    start_depth: float | None = None
-    target: float | None = None
-    duration: float | None = None
+    step: tuple[float, float] | None = in_unit("m", None)
+    duration: float | None = in_unit("s", None)
     seed: int | None = 1
     steps: bool = False
-    faults: int = 0
-    depths: tuple[float, float] | None = None
+    missions: int = 0
+    depth_range: tuple[float, float] | None = in_unit("m", None)
+
+    def __post_init__(self) -> None:
+        read_numbers(self)
 
 
 class Difference(NamedTuple):
@@ -251,8 +253,8 @@ def board(
     """
     asked = flights or Flights()
     check_time_limit(vehicle)
-    check_counts(seed=(asked.seed, 0), faults=(asked.faults, 0))
-    mission, made = plan_program(vehicle, (asked.start_depth, asked.target, asked.duration))
+    check_counts(seed=(asked.seed, 0), missions=(asked.missions, 0))
+    mission, made = plan_program(vehicle, (*(asked.step or (None, None)), asked.duration))
     faults = _FaultMissions(vehicle, asked)
     check_place(out)
     with Wire(port, digest(made), baud=baud) as wire:
@@ -546,12 +548,12 @@ class _FaultMissions:
     def __init__(self, vehicle: Vehicle, asked: Flights) -> None:
         self.missions: list[FaultMission] = []
         self.addresses: dict[str, tuple[int, int]] = {}
-        if asked.faults:
-            course = course_of(vehicle, asked.depths)
+        if asked.missions:
+            course = course_of(vehicle, asked.depth_range)
             self._campaign = FaultCampaign(course, self)
             drawn = (draw(course, seed=asked.seed or 0, number=n, healthy=False) for n in count())
             able = (mission for mission in drawn if not _INSIDE.intersection(mission.faults))
-            self.missions += islice(able, asked.faults)
+            self.missions += islice(able, asked.missions)
 
     @property
     def not_flown(self) -> tuple[str, ...]:

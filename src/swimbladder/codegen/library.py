@@ -140,8 +140,7 @@ class Library(BoardProgram, Answer):
 def firmware(
     vehicle: Vehicle,
     *,
-    start_depth: float | None = None,
-    target: float | None = None,
+    step: tuple[float, float] | None = None,
     duration: float | None = None,
     seed: int | None = 1,
     pool: PoolOptions | None = None,
@@ -155,9 +154,9 @@ def firmware(
     ----------
     vehicle
         As `load_vehicle` returns it.
-    start_depth, target
-        Of the golden mission [m]; none: those of `STEP`, of a float those of `DIVE`, or others
-        where the controller is for other depths.
+    step
+        Depths of the golden mission, from rest [m]; none: those of `STEP`, of a float those of
+        `DIVE`, or others where the controller is for other depths.
     duration
         Of the golden mission [s]; none: that of `STEP` or `DIVE`.
     seed
@@ -183,10 +182,12 @@ def firmware(
     if pool is not None and floats:
         what = f"the pool {BY_VOLTAGE}, and this vehicle has a pump and a valve"
         remedy = "Leave it out, and log a dive of the sketch"
-        raise InputError(what, field="depth", value=pool.depth, unit="m", remedy=remedy)
+        raise InputError(
+            what, field="bottom_depth", value=pool.bottom_depth, unit="m", remedy=remedy
+        )
     check_time_limit(vehicle)
     vehicle = vehicle if pool is None else _in_pool(vehicle, pool)
-    asked = start_depth, target, duration
+    asked = *(step or (None, None)), duration
     mission, made = plan_program(vehicle, asked, in_pool=pool is not None)
     drive = made.drive
     golden = fly(vehicle, made, mission, seed, advance)
@@ -260,13 +261,13 @@ def plan_program(
     least, most = tuned or (max(vehicle.hull.emergence_depth, 0.0), limit)
     usual = _usual(floats, least, min(most, limit))
     mission = Mission(*(u if a is None else a for u, a in zip(usual, asked, strict=True)))
-    for name, depth in (("start_depth", mission.start), ("target", mission.target)):
+    for depth in mission[:2]:
         if depth > limit:
-            raise turned_round(depth, limit, name)
+            raise turned_round(depth, limit, "step")
     if tuned and not least <= mission.target <= most:
         what = f"the controller was tuned for {least:g} to {most:g} m, and the sketch begins here"
-        remedy = "Give a depth within these, or tune for others (`swimbladder tune --depth`)"
-        raise InputError(what, field="target", value=mission.target, unit="m", remedy=remedy)
+        remedy = "Give a depth within these, or tune for others (`swimbladder tune --depth-range`)"
+        raise InputError(what, field="step", value=mission.target, unit="m", remedy=remedy)
     made = make_program(vehicle, depths=mission[:2], in_pool=in_pool)
     if floats:
         _check_dive(mission, made.parameters.surface.shallow)
@@ -411,13 +412,13 @@ def _check_dive(mission: Mission, shallow: float) -> None:
     start, target, duration = mission
     for option, value, good, unit, what in (
         (
-            "start_depth",
+            "step",
             start,
             start >= 0.0,
             "m",
             "a float starts at the surface, 0 m, or below it",
         ),
-        ("target", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
+        ("step", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
         ("duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
     ):
         if not (good and math.isfinite(value)):
@@ -428,7 +429,7 @@ def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
     """Return the vehicle whose supervisor knows that it may lie on the pool's bottom."""
     if vehicle.supervisor.bottom_depth is not None:
         return vehicle
-    knows = vehicle.supervisor.model_copy(update={"bottom_depth": pool.depth})
+    knows = vehicle.supervisor.model_copy(update={"bottom_depth": pool.bottom_depth})
     return vehicle.model_copy(update={"supervisor": knows})
 
 

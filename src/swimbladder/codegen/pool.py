@@ -25,6 +25,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.units import in_unit, read_numbers
 from swimbladder.vehicle import Vehicle
 
 _LONGEST = 3600.0  # s, that a round may take in a rehearsal
@@ -93,7 +94,7 @@ def rehearse(
     vehicle: Vehicle,
     beside: PoolTwin,
     *,
-    pool_depth: float,
+    bottom_depth: float,
     seed: int | None,
     fly: Callable[[Watched, bool], float] | None = None,
     advance: Advance = silent,
@@ -121,14 +122,14 @@ def rehearse(
 
     flown = simulate(
         vehicle,
-        setpoints=[(0.0, pool_depth)],
+        setpoints=[(0.0, bottom_depth)],
         law=every_tick,
         sample_time=tick,
         seed=seed,
         duration=_AFLOAT + _AFTER + beside.parameters.rounds * _LONGEST,
         start_depth=p.z_surface,
         start_volume=beside.limits.volume.volume_high,
-        bottom_depth=pool_depth,
+        bottom_depth=bottom_depth,
         advance=advance,
         checked=False,
     )
@@ -167,19 +168,27 @@ _DEEPER = "Choose a deeper pool or a smaller `clearance=`"
 _OVER = 1.0  # m, deeper than the bottom, that a depth may be and count as one
 
 
-class PoolOptions(NamedTuple):
-    """What a person says of the pool and of the day."""
+@dataclass(frozen=True)
+class PoolOptions:
+    """What a person says of the pool and of the day.
 
-    depth: float  # m, where the vehicle stands on the bottom
-    clearance: float = 0.75  # m, from bottom and surface to the depths of rest
-    first: float = 20e-6  # m3, change of volume in the first round: the paper's least
-    last: float = 75e-6  # m3, in the last: the paper's largest
-    rounds: int = 4  # as many as the paper's
+    bottom_depth [m]: where the vehicle stands on it; clearance [m]: from bottom and surface to the
+    depths of rest; volume_changes [m3]: of the first round and the last, the paper's least and
+    largest; rounds: as many as the paper's.
+    """
+
+    bottom_depth: float = in_unit("m")
+    clearance: float = in_unit("m", 0.75)
+    volume_changes: tuple[float, float] = in_unit("m3", (20e-6, 75e-6))
+    rounds: int = 4
+
+    def __post_init__(self) -> None:
+        read_numbers(self)
 
     @property
     def volumes(self) -> str:
         """The changes of volume as text."""
-        first, last = (f"{volume * 1e6:g}" for volume in (self.first, self.last))
+        first, last = (f"{volume * 1e6:g}" for volume in self.volume_changes)
         return f"{first} cm3" if first == last else f"{first} to {last} cm3"
 
 
@@ -195,7 +204,7 @@ class PoolDay(NamedTuple):
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
         return {
-            "depth_m": self.options.depth,
+            "depth_m": self.options.bottom_depth,
             "rounds": self.options.rounds,
             "minutes": self.rehearsal.minutes,
             "parameters": in_float32(self.parameters, POOL),
@@ -226,9 +235,9 @@ def plan_pool_day(
 
     Raises InputError as `board_procedure`, NoAnswerError as `rehearse`.
     """
-    parameters, depth = board_procedure(vehicle, options, limits), options.depth
+    parameters, depth = board_procedure(vehicle, options, limits), options.bottom_depth
     board = float32_twin(parameters, limits)
-    flown = rehearse(vehicle, board, pool_depth=depth, seed=seed, advance=advance)
+    flown = rehearse(vehicle, board, bottom_depth=depth, seed=seed, advance=advance)
     own = _own_loop(vehicle, limits.S_p) is not None
     return PoolDay(options, parameters, own, plant(vehicle).V_0, flown)
 
@@ -255,14 +264,14 @@ def board_procedure(
     if p.positioner > 0.0:
         what = f"the {BY_VOLTAGE}, and this actuator takes positions"
         remedy = "Do the steps by hand, with the sketch that holds a depth"
-        raise InputError(what, field="depth", value=vehicle.actuator.kind, remedy=remedy)
+        raise InputError(what, field="bottom_depth", value=vehicle.actuator.kind, remedy=remedy)
     S_p = limits.S_p
     sensors = vehicle.sensors
     margin = max(MARGIN, 6.0 * sensors.depth_noise + 2.0 * sensors.depth_quantum)
     _check_pool(options, p, limits, margin)
     _check_volumes(options, p, limits)
     top = limits.volume.volume_high
-    lifts = top > p.V_0 + limits.neutral.neutral_range + p.psi * options.depth
+    lifts = top > p.V_0 + limits.neutral.neutral_range + p.psi * options.bottom_depth
     loop = _own_loop(vehicle, S_p)
     if loop is None:
         made = sea_cascade_gains(p.a_b, p.d_l, p.gain, bandwidth=_BANDWIDTH / S_p, S_p=S_p)
@@ -272,18 +281,18 @@ def board_procedure(
         rate_per_volt=p.gain,
         limit=p.supply,
         load_voltage=p.load_drive + p.k_l / p.gain,
-        pool_depth=options.depth,
+        bottom_depth=options.bottom_depth,
         clearance=options.clearance,
-        change=options.first,
+        change=options.volume_changes[0],
     )
     return one._replace(
         shallow=p.z_surface + options.clearance,
         surface=p.z_surface + margin,
-        bottom=options.depth - margin,
+        bottom=options.bottom_depth - margin,
         rounds=float(options.rounds),
-        more=(options.last - options.first) / max(options.rounds - 1, 1),
+        more=float(np.diff(options.volume_changes)[0]) / max(options.rounds - 1, 1),
         depth_least=limits.depth.depth_least,
-        depth_most=options.depth + _OVER,
+        depth_most=options.bottom_depth + _OVER,
         volume_least=limits.volume.volume_least,
         volume_most=limits.volume.volume_most,
         end_volume=top if lifts else p.V_max,
@@ -298,7 +307,7 @@ def _own_loop(vehicle: Vehicle, S_p: float) -> CascadeParameters | None:
     return own if isinstance(own, CascadeParameters) else None
 
 
-def _of_depth(depth: float, what: str, remedy: str, option: str = "depth") -> InputError:
+def _of_depth(depth: float, what: str, remedy: str, option: str = "bottom_depth") -> InputError:
     return InputError(what, field=option, value=depth, unit="m", remedy=remedy)
 
 
@@ -312,14 +321,16 @@ def _check_pool(
         what = f"{near} counts as arrived there, and has to rest clear of it"
         remedy = f"Give more than {2.0 * margin:.3g} m"
         raise _of_depth(clearance, what, remedy, "clearance")
-    travel = options.depth - p.z_surface - 2.0 * clearance
+    travel = options.bottom_depth - p.z_surface - 2.0 * clearance
     if not travel >= _LEAST_TRAVEL:
         leaves = f"this leaves {travel:.3g} m between the depths of rest"
         what, remedy = f"{leaves}, {clearance:.3g} m from surface and bottom", _DEEPER
-        raise _of_depth(options.depth, what, remedy)
-    if not options.depth < limits.deep.depth_limit:
+        raise _of_depth(options.bottom_depth, what, remedy)
+    if not options.bottom_depth < limits.deep.depth_limit:
         remedy = f"Stay above {limits.deep.depth_limit:.4g} m, or see supervisor.depth_limit"
-        raise _of_depth(options.depth, "the supervisor brings the vehicle up from there", remedy)
+        raise _of_depth(
+            options.bottom_depth, "the supervisor brings the vehicle up from there", remedy
+        )
 
 
 def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters) -> None:
@@ -327,12 +338,13 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
     if options.rounds < 1:
         what, remedy = "there has to be one at least", "Leave it out for four"
         raise InputError(what, field="rounds", value=options.rounds, remedy=remedy)
-    if options.rounds == 1 and options.first != options.last:
-        given = f"{options.first * 1e6:g}:{options.last * 1e6:g} cm3"
+    first, last = options.volume_changes
+    if options.rounds == 1 and first != last:
+        given = f"{first * 1e6:g}:{last * 1e6:g} cm3"
         what = "one round has one change of volume"
         remedy = "Give a single volume, or more `rounds=`"
-        raise InputError(what, field="volumes", value=given, remedy=remedy)
-    deep = p.V_0 + p.psi * (options.depth - options.clearance)
+        raise InputError(what, field="volume_changes", value=given, remedy=remedy)
+    deep = p.V_0 + p.psi * (options.bottom_depth - options.clearance)
     shallow = p.V_0 + p.psi * (p.z_surface + options.clearance)
     high, low = max(deep, shallow), min(deep, shallow)
     ends, unsure = limits.volume, limits.neutral.neutral_range
@@ -340,10 +352,10 @@ def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters)
     should = f"should the neutral volume be off by {unsure * 1e6:.3g} cm3"
     if not fits > 0.0:
         what = f"the stroke has no room for a change of volume, {should} (supervisor.neutral_range)"
-        raise _of_depth(options.depth, what, "Trim the vehicle to mid-stroke")
-    for change in (options.first, options.last):
+        raise _of_depth(options.bottom_depth, what, "Trim the vehicle to mid-stroke")
+    for change in options.volume_changes:
         what = f"a change of volume has to be above 0 and to fit the stroke, {should}"
         remedy = f"Give at most {fits * 1e6:.3g} cm3, or a smaller supervisor.neutral_range"
         if not 0.0 < change <= fits:
-            option, cm3 = "volumes", change * 1e6
+            option, cm3 = "volume_changes", change * 1e6
             raise InputError(what, field=option, value=cm3, unit="cm3", remedy=remedy)

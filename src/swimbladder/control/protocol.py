@@ -115,22 +115,22 @@ def procedure_for(
     rate_per_volt: float,
     limit: float,
     load_voltage: float,
-    pool_depth: float,
+    bottom_depth: float,
     clearance: float,
     change: float,
 ) -> PoolParameters:
     """Return one round for a change of volume [m3], positive, with the times of section 3.1.
 
-    pool_depth: where the vehicle stands on the bottom [m]; clearance: Delta_z [m], from bottom and
+    bottom_depth: where the vehicle stands on it [m]; clearance: Delta_z [m], from bottom and
     surface to the depths of rest; rate_per_volt: K1 A [m3/s/V]; limit [V]; load_voltage [V/m].
     Every measurement that is a number counts as possible, and at the end the piston is held.
     """
     return PoolParameters(
         loop=loop,
-        deep=pool_depth - clearance,
+        deep=bottom_depth - clearance,
         shallow=clearance,
         surface=MARGIN,
-        bottom=pool_depth - MARGIN,
+        bottom=bottom_depth - MARGIN,
         change=change,
         more=0.0,
         rounds=1.0,

@@ -37,7 +37,7 @@ from swimbladder.physics.hull import (
 from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
 from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
-from swimbladder.units import parse_quantity, rounded
+from swimbladder.units import in_unit, parse_quantity, read_numbers, rounded
 from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
 
 Array = NDArray[np.float64]
@@ -54,17 +54,18 @@ _DENSITY = 0.1  # kg/m3
 class Uncertainty:
     """How far each may be off, 1 sigma, all independent."""
 
-    mass: float = 0.0  # kg
-    volume: float = 0.0  # m3, of the hull
-    trim: float = 0.0  # m3, of the volume at which it is neutral
-    psi: float = 0.0  # m3/m, of the hull's compression
-    heat: float = 0.0  # 1/K, of the hull's thermal expansion
-    air: float = 0.0  # m3, of the trapped air at the surface
-    density: float = 0.0  # kg/m3, of the sea, all the way down
+    mass: float = in_unit("kg", 0.0)
+    volume: float = in_unit("m3", 0.0)  # of the hull
+    trim: float = in_unit("m3", 0.0)  # of the volume at which it is neutral
+    psi: float = in_unit("m3/m", 0.0)  # of the hull's compression
+    heat: float = in_unit("1/K", 0.0)  # of the hull's thermal expansion
+    air: float = in_unit("m3", 0.0)  # of the trapped air at the surface
+    density: float = in_unit("kg/m3", 0.0)  # of the sea, all the way down
     said: tuple[str, ...] = ()  # where each comes from, in words
 
     def __post_init__(self) -> None:
-        """Refuse what is no standard deviation."""
+        """Read texts with units; refuse what is no standard deviation."""
+        read_numbers(self)
         for name, value in self.numbers().items():
             check_number(value, name, least=0.0, remedy="Check the standard deviation")
 
@@ -174,11 +175,15 @@ class Target:
     the probability, and to sink and rise with the speed besides.
     """
 
-    neutral_depth: float | None = None  # m
-    volume: float = 0.0  # m3 of the drive at which it is neutral there
-    freeboard: float | None = None  # m of hull out of the water at the largest volume
-    probability: float = 0.95  # -
-    speed: float = 0.0  # m/s
+    neutral_depth: float | None = in_unit("m", None)
+    neutral_volume: float = in_unit("m3", 0.0)  # of the drive, at which it is neutral there
+    freeboard: float | None = in_unit("m", None)  # of hull out of the water at the largest volume
+    probability: float = in_unit("", 0.95)
+    speed: float = in_unit("m/s", 0.0)
+
+    def __post_init__(self) -> None:
+        """Read texts with units."""
+        read_numbers(self)
 
     @property
     def asked_freeboard(self) -> float:
@@ -269,7 +274,7 @@ class Ballasting(Answer):
     def _mass_words(self) -> Iterator[str]:
         w, then = self.target, self._mass(self.added)
         if w.neutral_depth is not None:
-            at = f"at {w.neutral_depth:g} m with a volume of {_cm3(w.volume)}"
+            at = f"at {w.neutral_depth:g} m with a volume of {_cm3(w.neutral_volume)}"
             yield f"To be neutral {at}: {then}."
         elif w.freeboard is not None:
             out = f"{_cm(w.freeboard)} of hull out of the water at the largest volume"
@@ -404,16 +409,16 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     limit = vehicle.hull.depth_limit
     if deepest is not None:
         remedy = "Give a depth below the surface"
-        check_number(deepest, "deepest", "m", above=0.0, finite=False, remedy=remedy)
+        check_number(deepest, "max_depth", "m", above=0.0, finite=False, remedy=remedy)
         if limit is not None and deepest > limit:
             what = f"deeper than the vehicle is rated for, {limit:g} m"
             remedy = "Give a lesser depth, or correct hull.depth_limit"
-            raise InputError(what, field="deepest", value=deepest, unit="m", remedy=remedy)
+            raise InputError(what, field="max_depth", value=deepest, unit="m", remedy=remedy)
     if not casts:
         down = limit if deepest is None else deepest
         if down is None:
             what = "neither a cast, nor a depth, nor the vehicle's file says how deep it goes"
-            raise InputError(what, field="deepest", remedy="Give this depth, or a cast")
+            raise InputError(what, field="max_depth", remedy="Give this depth, or a cast")
         column = uniform_column(vehicle.water, down, step=down / 1000.0)
         return Seas([column], [f"no cast: {column.source}, as in the vehicle's file"], [])
     for cast in casts:
@@ -424,9 +429,9 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
         ends = [(cast_column(cast).deepest, cast.name) for cast in casts]
         shallowest, name = min(ends, key=itemgetter(0))
         deepest = min(shallowest, math.inf if limit is None else limit)
-        why = "its rating" if deepest == limit else "where the cast ends; `deepest=`"
+        why = "its rating" if deepest == limit else "where the cast ends; `max_depth=`"
         assumed.append(f"it goes down to {deepest:g} m ({why})")
-        warnings += above_rating(name, shallowest, limit, "deepest")
+        warnings += above_rating(name, shallowest, limit, "max_depth")
     columns = [cast_column(cast, deepest) for cast in casts]
     said = dict.fromkeys(line for column in columns for line in column.report)
     return Seas(columns, [*assumed, *said], warnings)
@@ -482,7 +487,7 @@ def ballast(
     casts: Sequence[Cast] = (),
     *,
     target: Target = Target(),
-    deepest: float | None = None,
+    max_depth: float | None = None,
     uncertainty: Uncertainty | None = None,
     material: str = "lead",
     mass: float | None = None,
@@ -499,7 +504,7 @@ def ballast(
         water of constant density, that of the vehicle's file.
     target
         What the ballast is to bring about.
-    deepest
+    max_depth
         How deep it is to go [m]; none: its rating, or where the first cast ends.
     uncertainty
         What is not known of the vehicle, 1 sigma; none: as its file and `uncertainty_of` have it.
@@ -523,7 +528,7 @@ def ballast(
         No mass brings about the target.
     """
     density, named = material_of(material)
-    sea = seas(vehicle, casts, deepest)
+    sea = seas(vehicle, casts, max_depth)
     vehicle, stated, more = with_mass(vehicle, mass)
     unknown, warned = uncertainty or uncertainty_of(vehicle, {}), (*sea.warnings, *more)
     found = ballast_in(
@@ -659,7 +664,7 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
     """Raise InputError for what cannot be asked."""
     probability, speed = target.probability, target.speed
     deepest, height, stroke = columns[0].deepest, vehicle.hull.height, vehicle.stroke
-    at, volume, out = target.neutral_depth, target.volume, target.freeboard
+    at, volume, out = target.neutral_depth, target.neutral_volume, target.freeboard
 
     def need(holds: bool, field: str, x: float | None, unit: str, what: str, remedy: str) -> None:
         if not holds:
@@ -687,9 +692,9 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
     need(fits, "freeboard", out, "m", what, remedy)
     what = "a volume to be neutral with needs the depth"
     remedy = "Give the neutral depth too, or leave the volume out"
-    need(volume == 0.0 or at is not None, "volume", volume, "m3", what, remedy)
+    need(volume == 0.0 or at is not None, "neutral_volume", volume, "m3", what, remedy)
     remedy, fits = "Volumes count from mid-stroke", stroke.minimum <= volume <= stroke.maximum
-    need(fits, "volume", volume, "m3", "outside the stroke", remedy)
+    need(fits, "neutral_volume", volume, "m3", "outside the stroke", remedy)
 
 
 def _added(vehicle: Vehicle, column: Column, target: Target, density: float) -> float:
@@ -698,7 +703,7 @@ def _added(vehicle: Vehicle, column: Column, target: Target, density: float) -> 
         return 0.0
     neutral = neutral_volume(vehicle, column)
     at = target.neutral_depth or 0.0
-    volume = target.volume
+    volume = target.neutral_volume
     if target.neutral_depth is None and target.freeboard is not None:
         volume = vehicle.stroke.maximum - target.freeboard * vehicle.hull.waterplane_area
     now = float(np.interp(at, column.depth, neutral))

@@ -108,7 +108,7 @@ class Plan(Parameters):
     """of the plan"""
     vehicle: str = ""
     """name"""
-    pool_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
+    bottom_depth: Annotated[float, Unit("m"), Field(gt=0.0)]
     """of the bottom"""
     shallowest: _Length
     """above it a record ends"""
@@ -131,9 +131,9 @@ class Plan(Parameters):
 
     def check(self) -> None:
         """Refuse fields that do not go together."""
-        if not 0.0 <= self.shallowest < self.deepest <= self.pool_depth:
+        if not 0.0 <= self.shallowest < self.deepest <= self.bottom_depth:
             ends = f"from {self.shallowest:g} to {self.deepest:g} m"
-            what = f"a range {ends} is not inside a pool of {self.pool_depth:g} m"
+            what = f"a range {ends} is not inside a pool of {self.bottom_depth:g} m"
             remedy = "Give the shallowest above the deepest, both between surface and bottom"
             raise refusal(what, remedy, "shallowest")
         for k, one in enumerate(self.experiments):

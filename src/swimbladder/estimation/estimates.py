@@ -1,8 +1,9 @@
 """An estimated number with what is known of its error, what was known before, and what to say."""
 
 import math
+import re
 import tomllib
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
@@ -13,6 +14,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.series import Array
 from swimbladder.io.answers import as_json
+from swimbladder.units import parse_quantity, unit_of, with_one_unit
 from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -26,6 +28,54 @@ class Prior(NamedTuple):
 
     mean: float
     std: float
+
+
+_PLUS_MINUS = re.compile(r"\+-|\+/-|±")
+
+
+def read_values(given: Mapping[str, Any] | None, units: Mapping[str, str]) -> dict[str, float]:
+    """Return what is `fixed` in SI, of which each may be a text with a unit, ``"0.5 V"``.
+
+    units: the names that can be, with their SI units. Raises InputError for what is none.
+    """
+    return {name: _quantity(x, units, "fixed", name) for name, x in (given or {}).items()}
+
+
+def read_priors(given: Mapping[str, Any] | None, units: Mapping[str, str]) -> dict[str, Prior]:
+    """Return `priors` in SI, of which each may be a text, ``"2e-6 +- 1e-6 m3/m"``.
+
+    A unit that stands at one of the numbers only counts for both; a deviation in % is of the mean.
+    units: the names that can be, with their SI units. Raises InputError for what is none.
+    """
+    found = {}
+    for name, value in (given or {}).items():
+        check_names([name], units, "priors", "there is no such parameter")
+        parts = _PLUS_MINUS.split(value) if isinstance(value, str) else value
+        if isinstance(parts, float | int) or len(parts) != 2:
+            what, unit = "a prior has a mean and a standard deviation", units[name]
+            how = f"""Write it as `priors={{"{name}": "MEAN +- STD {unit}".rstrip()}}`"""
+            field = f"priors[{name}]"
+            raise InputError(what, field=field, value=value, unit=unit, remedy=how)
+        mean, std = parts
+        if isinstance(value, str) and unit_of(std) == "%":
+            middle = _quantity(mean, units, "priors", name)
+            found[name] = Prior(middle, abs(middle) * parse_quantity(std, ""))
+            continue
+        if isinstance(value, str):
+            mean, std = with_one_unit([mean, std])[0], with_one_unit([std, mean])[0]
+        found[name] = Prior(*(_quantity(x, units, "priors", name) for x in (mean, std)))
+    return found
+
+
+def _quantity(value: Any, units: Mapping[str, str], option: str, name: str) -> float:
+    """Return a number as it is, and a text in the unit of its name."""
+    check_names([name], units, option, "there is no such parameter")
+    if not isinstance(value, str):
+        return float(value)
+    try:
+        return parse_quantity(value, units[name])
+    except InputError as error:
+        raise error.at(field=f"{option}[{name}]") from None
 
 
 class Finding(NamedTuple):

@@ -5,6 +5,7 @@ import enum
 import json
 import math
 from collections.abc import Mapping
+from functools import wraps
 from importlib import import_module
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -24,9 +25,12 @@ class Answer:
     """
 
     def __init_subclass__(cls, **more: Any) -> None:
-        """Keep a dataclass from making a repr of all its arrays."""
+        """Keep a dataclass from making a repr of all its arrays; make `to_dict` plain."""
         super().__init_subclass__(**more)
         cls.__repr__ = Answer.__repr__  # type: ignore[method-assign]
+        if "to_dict" in vars(cls):
+            own = cls.to_dict
+            cls.to_dict = wraps(own)(lambda self: plain(own(self)))  # type: ignore[method-assign]
 
     def __repr__(self) -> str:
         """Return what it says, in 15 lines at most."""

@@ -56,16 +56,16 @@ def vehicle_start(
     kind: str,
     name: str = "my-vehicle",
     *,
-    piston: float | None = None,
-    stroke: float | None = None,
+    piston_diameter: float | None = None,
+    piston_stroke: float | None = None,
 ) -> str:
     """Return the text of a short file: what a vehicle has to have, and what cannot be assumed.
 
-    piston: its diameter [m]; stroke: its travel [m]; those of the example where not given. Raises
-    InputError where the actuator has no piston.
+    piston_diameter, piston_stroke [m]: those of the example where not given. Raises InputError
+    where the actuator has no piston.
     """
     example = deepcopy({**_EXAMPLES["all"], **_EXAMPLES["kinds"][kind]})
-    _size_piston(example, piston, stroke)
+    _size_piston(example, piston_diameter, piston_stroke)
     example["supervisor"] = {"time_limit": "1 d" if kind == "pump-valve" else "6 h"}
     words = [f"# Actuator: {kind}. The numbers are examples: put in yours, in any unit."]
     words += ["# Every field there is: `swimbladder vehicle new --full`", "schema_version = 1"]
@@ -80,7 +80,7 @@ def _size_piston(example: Table, piston: float | None, stroke: float | None) -> 
     drive = example["actuator"].get("drive", example["actuator"])
     if "piston_area" not in drive:
         what, remedy = "this kind of actuator has no piston", "Leave it out, or choose another kind"
-        field = "stroke" if piston is None else "piston"
+        field = "piston_stroke" if piston is None else "piston_diameter"
         raise InputError(what, field=field, value=example["actuator"]["kind"], remedy=remedy)
     own = parse_quantity(drive["piston_area"], "m2")
     area = own if piston is None else math.pi / 4.0 * piston**2

@@ -120,7 +120,7 @@ def gather(seed: int, advance: Advance = silent) -> Evidence:
     stage(identified=identified, pulses=pulses)
     noisy = vehicle.model_copy(update={"sensors": SENSORS})
     dVs = [dx * a.piston_area for dx in TRAVELS]
-    place = {"pool_depth": POOL_DEPTH, "clearance": CLEARANCE}
+    place = {"bottom_depth": POOL_DEPTH, "clearance": CLEARANCE}
     runs = pool.pool_test(noisy, dVs=dVs, seed=seed, **place, advance=advance)
     experiments = tuple(e for run in runs for e in run.experiments)
     records, psi = [e.record for e in experiments], vehicle.hull.psi

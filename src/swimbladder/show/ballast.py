@@ -36,7 +36,7 @@ def draw_ballasting(found: Ballasting) -> Figure:
         density.plot(column.density, column.depth, color=color)
         temperature.plot(column.temperature, column.depth, color=color)
     if found.target.neutral_depth is not None:
-        at = [1e6 * found.target.volume], [found.target.neutral_depth]
+        at = [1e6 * found.target.neutral_volume], [found.target.neutral_depth]
         volume.plot(*at, "o", color=Ink.GREY, ms=6, label="to be neutral here")
     volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")
     density.set_xlabel("density in situ [kg/m³]")

@@ -14,6 +14,7 @@ from swimbladder.errors import SwimbladderError
 from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
 from swimbladder.estimation.comparison.run import FITTABLE
+from swimbladder.io.columns import TAKEN
 from swimbladder.show import style
 from swimbladder.show.parts import (
     Drawn,
@@ -196,7 +197,9 @@ class ComparedShown(Shown[Sequence[Compared]]):
             if one.ahead is not None:
                 yield from _ahead(one.ahead)
                 yield Drawn(f"{one.name}-ahead", partial(draw_ahead, one.ahead), "ahead")
-            yield from labelled("note", (note for note in result.notes if note not in said))
+            yield from labelled(
+                "note", (n for n in result.notes if n not in said and not n.startswith(TAKEN))
+            )
             said.update(result.notes)
         for one, result in worst:
             yield Drawn(one.name, partial(draw_comparison, result), "compare")

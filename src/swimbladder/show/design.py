@@ -71,8 +71,8 @@ def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
     axes.plot(time[moved], f.depth[moved], "o", color=Ink.VERMILION, ms=4.5, label=label)
     for depth in (s.shallowest, s.deepest):
         axes.axhline(depth, color=Ink.GREY, ls=":", lw=1.0)
-    axes.axhline(s.pool_depth, color=Ink.GREY, lw=2.0)
-    axes.set_ylim(s.pool_depth + 0.05 * s.pool_depth, 0.0)
+    axes.axhline(s.bottom_depth, color=Ink.GREY, lw=2.0)
+    axes.set_ylim(s.bottom_depth + 0.05 * s.bottom_depth, 0.0)
     volumes = ", ".join(f"{1e6 * move.volume:+.3g}" for move in f.release.moves)
     axes.set_title(f"{_title(numbers)}\n{volumes} cm³", fontsize=9.0, loc="left")
 
@@ -221,7 +221,7 @@ class DesignShown(Shown[Design]):
         """Give the answer first."""
         found = self.found
         c = found.conditions
-        pool = f"a pool of {c.setting.pool_depth:g} m"
+        pool = f"a pool of {c.setting.bottom_depth:g} m"
         yield f"{found.vehicle.name}, {c.question.model.law} drag, {pool}"
         if not found.identifiable:
             yield "No set of experiments in this time identifies all parameters:"

@@ -181,7 +181,7 @@ class FaultResultShown(Shown[FaultResult]):
             shown = ", ".join(f"h{n}" for n in alarms[:_NAMED])
             parts.append(f"{len(alarms)} healthy missions raised an alarm: {shown}")
         again = f"{lost[0]}" if len(lost) else f"h{alarms[0]}"
-        one = f"swimbladder faults {self.asked} --seed {found.seed} --mission {again}"
+        one = f"swimbladder faults {self.asked} --seed {found.seed} --repeat {again}"
         then = (
             "change the [supervisor] table (depth_limit, neutral_range, patience), or the mission"
         )

@@ -66,7 +66,7 @@ def expected(day: PoolDay) -> Expected | None:
     noise = sensors.depth_noise or (known.depth_noise if known else 0.0)
     shallowest = min(task.shallowest for task in tasks)
     setting = Setting(
-        pool_depth=max(task.deepest for task in tasks) + shallowest,
+        bottom_depth=max(task.deepest for task in tasks) + shallowest,
         clearance=shallowest,
         sample_time=0.3 if law is None else law.sample_time,
         noise=noise or (0.0 if sensors.depth_quantum else _NOISE),

@@ -33,10 +33,10 @@ _APART = 1.25
 _SHOWN = 12.0  # times the lightest, and times the least energy: what is beyond is only counted
 
 _REQUIREMENTS = {
-    "depth": ("depth [m]", 1.0),
+    "max_depth": ("depth [m]", 1.0),
     "turn_time": ("turn time at depth [min]", 60.0),
     "speed": ("speed down and up [m/s]", 1.0),
-    "trim": ("trim not known, 1 sigma [cm³]", 1e-6),
+    "trim_std": ("trim not known, 1 sigma [cm³]", 1e-6),
     "cycles": ("cycles", 1.0),
 }
 
@@ -61,7 +61,7 @@ def draw_candidates(found: Sizing) -> Figure:
     axes.plot(w.mass[best], energy[best], "*", color=Ink.VERMILION, ms=15, label="chosen")
     axes.set(xscale="log", yscale="log", ylabel="energy of the drive per cycle [kJ]")
     axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
-    axes.set_title(f"{found.body.name} to {found.asked.dive.depth:g} m", loc="left")
+    axes.set_title(f"{found.body.name} to {found.asked.dive.max_depth:g} m", loc="left")
     beyond = _frame(axes, w.mass[w.feasible], energy[w.feasible])
     style.plain_log_ticks(axes, "x", "y")
     if beyond:
@@ -108,7 +108,7 @@ def draw_parts(found: Sizing) -> Figure:
     axes.grid(axis="y", visible=False)
     label = "least mass with that part: drive (full colour) and battery (pale) [kg]"
     axes.set(xlim=(0.0, _WIDEST * lightest), xlabel=label)
-    task = f"{found.body.name} to {found.asked.dive.depth:g} m"
+    task = f"{found.body.name} to {found.asked.dive.max_depth:g} m"
     axes.set_title(f"{task}: each part, the others free (red: chosen)", loc="left")
     return figure
 
@@ -199,7 +199,7 @@ class SizingShown(Shown[Sizing]):
     @property
     def title(self) -> str:
         """The body, and the dive."""
-        return f"{self.found.body.name}: drive to {self.found.asked.dive.depth:g} m"
+        return f"{self.found.body.name}: drive to {self.found.asked.dive.max_depth:g} m"
 
     def table(self) -> Any:
         """Return the columns of drives.csv."""
@@ -209,7 +209,9 @@ class SizingShown(Shown[Sizing]):
         """Return the vehicle, and every drive that does the dive."""
         found, drives = self.found, self.table()
         made = Vehicle.model_validate(_rounded(sized_vehicle(found).model_dump()))
-        head = f"Written by swimbladder size: {found.body.name} to {found.asked.dive.depth:g} m."
+        head = (
+            f"Written by swimbladder size: {found.body.name} to {found.asked.dive.max_depth:g} m."
+        )
         return {
             "vehicle.toml": vehicle_file(made, head=head),
             "drives.csv": rows_csv(drives, zip(*drives.values(), strict=True)),

@@ -100,13 +100,13 @@ def pool_parameters(
     vehicle: Vehicle,
     *,
     dV: float,
-    pool_depth: float = 4.5,
+    bottom_depth: float = 4.5,
     clearance: float = 0.75,
     hold: bool = True,
 ) -> PoolParameters:
     """Return the procedure for a vehicle with an identified actuator and a cascade.
 
-    dV [m3]; pool_depth and clearance (Delta_z) [m]; hold: whether the piston is held against the
+    dV [m3]; bottom_depth and clearance (Delta_z) [m]; hold: whether the piston is held against the
     sea after a change, or left at 0 V. Raises InputError for any other actuator or law.
     """
     a, controller, supply = vehicle.engine, vehicle.controller, vehicle.supply
@@ -124,7 +124,7 @@ def pool_parameters(
         rate_per_volt=a.K1 * a.piston_area,
         limit=supply.voltage,
         load_voltage=a.depth_voltage if hold else 0.0,
-        pool_depth=pool_depth,
+        bottom_depth=bottom_depth,
         clearance=clearance,
         change=dV,
     )
@@ -135,7 +135,7 @@ def pool_test(
     *,
     dVs: Sequence[float],
     seed: int,
-    pool_depth: float = 4.5,
+    bottom_depth: float = 4.5,
     clearance: float = 0.75,
     advance: Advance = silent,
 ) -> tuple[PoolRun, ...]:
@@ -145,9 +145,9 @@ def pool_test(
     """
     runs = []
     for i, dV in enumerate(dVs):
-        parameters = pool_parameters(vehicle, dV=dV, pool_depth=pool_depth, clearance=clearance)
+        parameters = pool_parameters(vehicle, dV=dV, bottom_depth=bottom_depth, clearance=clearance)
         own = int(np.random.SeedSequence([seed, i]).generate_state(1)[0])
-        runs.append(run_procedure(vehicle, parameters, pool_depth=pool_depth, seed=own))
+        runs.append(run_procedure(vehicle, parameters, bottom_depth=bottom_depth, seed=own))
         advance(1.0)
     return tuple(runs)
 
@@ -156,7 +156,7 @@ def run_procedure(
     vehicle: Vehicle,
     parameters: PoolParameters,
     *,
-    pool_depth: float,
+    bottom_depth: float,
     seed: int | None,
     duration: float = 1800.0,
 ) -> PoolRun:
@@ -176,11 +176,11 @@ def run_procedure(
 
     s = simulate(
         vehicle,
-        setpoints=[(0.0, pool_depth)],
+        setpoints=[(0.0, bottom_depth)],
         duration=duration,
-        start_depth=pool_depth,
-        start_volume=vehicle.neutral_volume(pool_depth) - _SINK,
-        bottom_depth=pool_depth,
+        start_depth=bottom_depth,
+        start_volume=vehicle.neutral_volume(bottom_depth) - _SINK,
+        bottom_depth=bottom_depth,
         seed=seed,
         law=law,
         sample_time=parameters.loop.S_p,

@@ -83,6 +83,11 @@ class Parameters(BaseModel, metaclass=_ParametersMeta):
         frozen=True, extra="forbid", allow_inf_nan=False, validate_default=True
     )
 
+    def __hash__(self) -> int:
+        """Return a hash of its fields, tables by name among them: alike where records are equal."""
+        values = vars(self).values()
+        return hash(tuple(tuple(sorted(x.items())) if isinstance(x, dict) else x for x in values))
+
     @model_validator(mode="after")
     def _checked(self) -> Self:
         try:

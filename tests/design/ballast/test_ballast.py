@@ -64,7 +64,7 @@ def force(vehicle, column, depth, volume, added, density, emerged=0.0):
 @pytest.mark.parametrize("density", [LEAD, 2700.0, float("inf")])
 @pytest.mark.parametrize("volume", [0.0, 1e-4])
 def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, volume):
-    target = Target(neutral_depth=500.0, volume=volume)
+    target = Target(neutral_depth=500.0, neutral_volume=volume)
     found = ballast_in(vehicle, [SEA], target=target, uncertainty=KNOWN, density=density, draws=1)
     assert force(vehicle, SEA, 500.0, volume, found.added, density) == pytest.approx(0.0, abs=1e-6)
     # and so says the vehicle that is written for the other commands
@@ -182,7 +182,7 @@ def test_margins_and_probability_hold_for_simulated_vehicles():
     found = ballast_in(
         vehicle,
         [SEA],
-        target=Target(neutral_depth=300.0, volume=120e-6, probability=0.9),
+        target=Target(neutral_depth=300.0, neutral_volume=120e-6, probability=0.9),
         uncertainty=uncertainty,
     )
     (need,) = found.needs
@@ -296,7 +296,7 @@ def test_what_is_not_known_by_default_and_as_identified():
     [
         ({"target": Target(neutral_depth=900.0)}, "not between the surface and 800 m"),
         ({"target": Target(freeboard=2.0)}, "no more than the height of the hull"),
-        ({"target": Target(neutral_depth=1.0, volume=1.0)}, "outside the stroke"),
+        ({"target": Target(neutral_depth=1.0, neutral_volume=1.0)}, "outside the stroke"),
         ({"target": Target(probability=1.0)}, "probability"),
         ({"target": Target(probability=0.0095)}, "probability"),
         ({"target": Target(speed=10.0)}, "no speed"),
@@ -309,7 +309,7 @@ def test_wishes_that_make_no_sense_are_refused(options, words):
     assert caught.value.field in (
         "neutral_depth",
         "freeboard",
-        "volume",
+        "neutral_volume",
         "probability",
         "speed",
         "material",
@@ -322,7 +322,7 @@ def test_a_mass_that_nothing_has():
         ballast_in(
             light,
             [SEA],
-            target=Target(neutral_depth=5.0, volume=-0.04),
+            target=Target(neutral_depth=5.0, neutral_volume=-0.04),
             uncertainty=KNOWN,
             draws=1,
             density=float("inf"),

@@ -72,7 +72,7 @@ def test_at_the_least_thrust_a_maker_states_turning_takes_more_than_pushing():
 )
 def test_no_such_thruster(wrong):
     with pytest.raises(InputError, match="it must be "):
-        Thruster(**wrong).checked()
+        Thruster(**wrong)
 
 
 # --- a vehicle whose pump draws the same per volume everywhere ---------------------------------

@@ -26,7 +26,7 @@ def vehicle():
 @pytest.fixture(scope="session")
 def setting():
     return Setting(
-        pool_depth=4.5,
+        bottom_depth=4.5,
         clearance=0.75,
         sample_time=0.3,
         noise=2e-3,
@@ -60,4 +60,6 @@ def conditions(question, setting, limits):
 
 @pytest.fixture(scope="session")
 def design(vehicle):
-    return design_experiment(vehicle, pool_depth=4.5, sensor_std=2e-3, quantum=5e-3, settling=300.0)
+    return design_experiment(
+        vehicle, bottom_depth=4.5, depth_noise=2e-3, depth_quantum=5e-3, settling=300.0
+    )

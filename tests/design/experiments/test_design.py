@@ -11,7 +11,13 @@ from swimbladder.design.plan import load_plan, plan_file
 from swimbladder.errors import InputError
 from swimbladder.estimation.motion import Prior
 
-QUICK = {"pool_depth": 4.5, "sensor_std": 2e-3, "settling": 300.0, "moves": 1, "releases": 2}
+QUICK = {
+    "bottom_depth": 4.5,
+    "depth_noise": 2e-3,
+    "settling": 300.0,
+    "max_moves": 1,
+    "max_experiments": 2,
+}
 
 
 def test_the_design_fits_the_time_and_beats_the_papers_eight(design):
@@ -35,7 +41,7 @@ def test_the_plan_is_what_was_chosen(design, tmp_path):
     path.write_text(plan_file(design.plan()), encoding="utf-8")
     plan = load_plan(path)
     assert plan == design.plan()
-    assert (plan.pool_depth, plan.shallowest, plan.deepest) == (4.5, 0.75, 3.75)
+    assert (plan.bottom_depth, plan.shallowest, plan.deepest) == (4.5, 0.75, 3.75)
     assert plan.time == pytest.approx(design.chosen.time, abs=1.0)
     for one, release in zip(plan.experiments, design.chosen.releases, strict=True):
         assert one.start_depth == release.start
@@ -67,7 +73,13 @@ def test_a_larger_step_buys_nothing(design):
 
 
 def test_what_cannot_be_told_is_said_with_a_remedy(vehicle):
-    options = {**QUICK, "sensor_std": 0.05, "releases": 1, "against": (), "neutral_std": math.inf}
+    options = {
+        **QUICK,
+        "depth_noise": 0.05,
+        "max_experiments": 1,
+        "against": (),
+        "neutral_std": math.inf,
+    }
     found = design_experiment(vehicle, **options)
     assert not found.identifiable
     assert found.against is None
@@ -95,10 +107,10 @@ def test_other_vehicles_and_laws(name, law):
     small = name == "ntnu-bv"
     found = design_experiment(
         sb.load_vehicle(name),
-        **{**QUICK, "pool_depth": 1.5 if small else 4.5},
+        **{**QUICK, "bottom_depth": 1.5 if small else 4.5},
         drag=law,
         clearance=0.3 if small else 0.75,
-        quantum=0.0,
+        depth_quantum=0.0,
         against=() if small else None,
     )
     names = {
@@ -121,15 +133,15 @@ def test_what_the_settling_is_without_being_told(vehicle):
 @pytest.mark.parametrize(
     ("options", "field"),
     [
-        ({"pool_depth": 1.6}, "pool_depth"),
-        ({"sensor_std": None}, "sensor_std"),
-        ({"sensor_std": -1.0}, "sensor_std"),
+        ({"bottom_depth": 1.6}, "bottom_depth"),
+        ({"depth_noise": None}, "depth_noise"),
+        ({"depth_noise": -1.0}, "depth_noise"),
         ({"sample_time": 0.0}, "sample_time"),
         ({"neutral_std": 0.0}, "neutral_std"),
         ({"settling": -1.0}, "settling"),
-        ({"longest": 1.0}, "longest"),
+        ({"max_record_time": 1.0}, "max_record_time"),
         ({"uncertainty": 1.5}, "uncertainty"),
-        ({"time": 60.0}, "time"),
+        ({"pool_time": 60.0}, "pool_time"),
         ({"criterion": "best"}, "criterion"),
         ({"free": ("K3",)}, "free"),
         ({"free": ()}, "free"),

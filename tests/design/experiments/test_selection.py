@@ -84,7 +84,7 @@ def test_the_criterion_counts_what_a_shared_nuisance_adds():
 
 def test_what_does_not_fit():
     t = table([[1.0, 0.0], [0.0, 1.0]], "D", cost=[300.0, 400.0])
-    with refused(InputError, field="time", value=200, holds={5.0}):
+    with refused(InputError, field="pool_time", value=200, holds={5.0}):
         choose(t, 200.0, 99)
     assert len(choose(t, 10_000.0, 3)) == 3
     with refused(InputError, field="criterion", value="E"):

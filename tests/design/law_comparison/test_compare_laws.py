@@ -152,7 +152,7 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
         ({"laws": ["pid"]}, "no such law"),
         ({"runs": 1}, "too few runs"),
         ({"seed": -1}, "0 or more"),
-        ({"depths": (3.0, 1.0)}, "no range of depths"),
+        ({"depth_range": (3.0, 1.0)}, "no range of depths"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_done(given, words, tmp_path):
@@ -169,7 +169,7 @@ def test_laws_fly_as_flashed_but_for_the_papers():
     own = {**noisy.controller.parameters, "k_pV": "902 V/dm3"}
     other = noisy.controller.model_copy(update={"parameters": own})
     vehicle = tight.model_copy(update={"controller": other})
-    given = {"laws": ["position-pid"], "depths": (1.0, 6.0), "scenarios": hold, "runs": 4}
+    given = {"laws": ["position-pid"], "depth_range": (1.0, 6.0), "scenarios": hold, "runs": 4}
     flashed = compared(vehicle, **given)
     alone = compared(vehicle, supervised=False, **given)
     names = [row.who.name for row in flashed.rows]

@@ -77,7 +77,7 @@ def test_as_flashed_seconds_of_the_pump_are_flown_and_the_supervisor_s_depth_end
             FLOAT,
             laws=["cascade"],
             runs=2,
-            depths=(50.0, 400.0),
+            depth_range=(50.0, 400.0),
             scenarios=SOME[:1],
             supervised=supervised,
         )
@@ -90,7 +90,7 @@ def test_as_flashed_seconds_of_the_pump_are_flown_and_the_supervisor_s_depth_end
     low = FLOAT.model_copy(update={"supervisor": Supervisor(depth_limit=300.0)})
     assert places(low).most == pytest.approx(0.8 * 300.0)
     assert places(low, supervised=False).most > 300.0
-    with refused(InputError, field="depths", value=400.0):
+    with refused(InputError, field="depth_range", value=400.0):
         places(low, (50.0, 400.0))
 
 
@@ -106,7 +106,7 @@ def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):
 
 
 def test_a_comparison_draws_floats_and_says_what_it_leaves_out():
-    found = compare_laws(FLOAT, laws=["cascade"], runs=2, depths=(50.0, 400.0), scenarios=SOME)
+    found = compare_laws(FLOAT, laws=["cascade"], runs=2, depth_range=(50.0, 400.0), scenarios=SOME)
     assert [row.who.law.name for row in found.rows] == ["rate"]
     assert "volume change" in found.not_compared["cascade"]
     assert any("pump" in words for words in found.assumptions)

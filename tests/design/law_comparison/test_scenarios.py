@@ -58,7 +58,7 @@ def test_a_range_that_cannot_be_is_refused():
     with refused(NoAnswerError, holds={86.63}):
         places(FEUP, (0.0, 90.0), supervised=False)
     for given in ((5.0, 2.0), (-1.0, 3.0), (0.0, float("inf")), (2.0, 2.0), (0.0, -1.0)):
-        with refused(InputError, field="depths"):
+        with refused(InputError, field="depth_range"):
             places(FEUP, given)
 
 

@@ -71,7 +71,7 @@ def test_the_least_volume_moved_is_chebyshevs():
     """
     vehicle, T, d = fast_piston(100.0), 20.0, 1.0
     a = plant(vehicle).a_b
-    found = plan(vehicle, 0.3, 1.3, goal="effort", duration=T, sample_time=0.1)
+    found = plan(vehicle, (0.3, 1.3), goal="effort", duration=T, sample_time=0.1)
     bound = 16.0 * d / (a * T * T)
     assert bound <= found.moved <= 1.02 * bound
     assert found.gap < 1e-9
@@ -81,14 +81,14 @@ def test_the_least_volume_moved_is_chebyshevs():
     ("vehicle", "options", "within"),
     [
         (FEUP, {}, 1e-9),
-        (FEUP, {"arrive": "rest", "margin": 0.1}, 1e-9),
-        (FEUP, {"goal": "effort", "duration": 40.0, "speed_limit": 0.06}, 1e-9),
+        (FEUP, {"arrive": "rest", "feedback_reserve": 0.1}, 1e-9),
+        (FEUP, {"goal": "effort", "duration": 40.0, "max_speed": 0.06}, 1e-9),
         (TANK, {}, 5e-4),  # drag that is not linear within a sample
     ],
 )
 def test_the_simulator_follows_the_plan_and_the_plan_its_limits(vehicle, options, within):
     depths = (1.5, 3.0) if vehicle is FEUP else (0.3, 1.3)
-    found = plan(vehicle, *depths, **options)
+    found = plan(vehicle, depths, **options)
     t = found.task
     assert found.residual < within
     given = "volume" if vehicle is TANK else "voltage"
@@ -98,9 +98,9 @@ def test_the_simulator_follows_the_plan_and_the_plan_its_limits(vehicle, options
     inside = np.abs(found.depth - depths[1]) <= t.band * (1 + 1e-6)
     assert inside[found.time >= found.arrival - 1e-9].all()
     assert (found.depth[-1], found.speed[-1]) == pytest.approx((depths[1], 0.0), abs=1e-8)
-    assert np.abs(found.speed).max() <= options.get("speed_limit", math.inf) * (1 + 1e-6)
+    assert np.abs(found.speed).max() <= options.get("max_speed", math.inf) * (1 + 1e-6)
     if vehicle is FEUP:
-        most = 12.0 * (1.0 - options.get("margin", 0.0))
+        most = 12.0 * (1.0 - options.get("feedback_reserve", 0.0))
         assert np.abs(found.command).max() <= most * (1 + 1e-6)
 
 
@@ -120,7 +120,7 @@ def smooth_motor():
 
 def test_the_least_energy_is_what_the_simulator_counts_and_nothing_near_is_less():
     vehicle = smooth_motor()
-    found = plan(vehicle, 1.5, 3.0, goal="energy", duration=25.0)
+    found = plan(vehicle, (1.5, 3.0), goal="energy", duration=25.0)
     run = drive(vehicle, time=found.time, voltage=found.command, start_depth=1.5)
     assert found.residual < 1e-6
     # The current decays within a sample: the mean power from the volume that was driven.
@@ -128,7 +128,7 @@ def test_the_least_energy_is_what_the_simulator_counts_and_nothing_near_is_less(
     u = found.command[:-1]
     joules = np.sum(u * (u * found.task.sample_time - kappa * np.diff(run.volume))) / actuator_R
     assert found.energy == pytest.approx(joules, rel=1e-6)
-    lazy = plan(vehicle, 1.5, 3.0, goal="effort", duration=25.0)
+    lazy = plan(vehicle, (1.5, 3.0), goal="effort", duration=25.0)
     assert found.energy < lazy.energy
     # Any mixture of the two plans is a plan; on the way to the other the energy never falls.
     step = 1e-3
@@ -143,7 +143,7 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
     drag = Drag(law="quadratic", k_dt=8.0)
     motion = TANK.motion.model_copy(update={"drag": drag})
     vehicle = TANK.model_copy(update={"motion": motion})
-    found = plan(vehicle, 0.3, 1.3, arrive="rest", sample_time=0.2)
+    found = plan(vehicle, (0.3, 1.3), arrive="rest", sample_time=0.2)
     assert found.residual < 2e-4
     assert found.arrival > least_time(fast_piston(TANK.actuator.speed), 0.3, 1.3, rest=True).time
 
@@ -152,7 +152,7 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
     ("vehicle", "step", "options", "error", "words"),
     [
         (FEUP, (1.5, 95.0), {}, NoAnswerError, "the stroke, -350 to 350 cm3"),
-        (FEUP, (1.5, 80.0), {"margin": 0.2}, NoAnswerError, "less the margin of 20 %"),
+        (FEUP, (1.5, 80.0), {"feedback_reserve": 0.2}, NoAnswerError, "less the margin of 20 %"),
         (FEUP, (1.5, 60.0), {"supply": 4.0}, NoAnswerError, "the depth load: with 4 V"),
         (
             FEUP,
@@ -171,49 +171,49 @@ def test_drag_that_is_quadratic_is_planned_as_it_is():
         (FEUP, (1.5, 3.0), {"duration": 20.0}, InputError, "duration"),
         (FEUP, (1.5, 3.0), {"goal": "effort", "arrive": "band"}, InputError, "end at rest"),
         (FEUP, (1.5, 3.0), {"band": 0.0}, InputError, "must be more than 0"),
-        (FEUP, (1.5, 3.0), {"margin": 1.2}, InputError, r"0 or more, .*got 120\.0, .* %"),
+        (FEUP, (1.5, 3.0), {"feedback_reserve": 1.2}, InputError, r"0 or more, .*got 120\.0, .* %"),
         (TANK, (0.5, 1.0), {"supply": 5.0}, InputError, "takes a volume"),
     ],
 )
 def test_what_cannot_be_is_said(vehicle, step, options, error, words):
     with pytest.raises(error, match=words):
-        plan(vehicle, *step, **options)
+        plan(vehicle, step, **options)
 
 
 @pytest.mark.parametrize(
     ("words", "option", "given"),
     [
         ("the voltage", "supply", {"duration": 15.0}),
-        ("the voltage", "supply", {"duration": 15.0, "margin": 0.1}),
-        ("the speed limit", "speed_limit", {"duration": 60.0, "speed_limit": 0.02}),
+        ("the voltage", "supply", {"duration": 15.0, "feedback_reserve": 0.1}),
+        ("the speed limit", "max_speed", {"duration": 60.0, "max_speed": 0.02}),
     ],
 )
 def test_what_the_refusal_offers_is_enough(words, option, given):
     """As it is printed, and hardly more than enough."""
     with pytest.raises(NoAnswerError) as refused:
-        plan(FEUP, 3.0, 1.5, goal="effort", **given)
+        plan(FEUP, (3.0, 1.5), goal="effort", **given)
     offered = float(str(refused.value).split(words)[1].split()[0])
     changed = {**given, option: offered}
-    assert plan(FEUP, 3.0, 1.5, goal="effort", **changed).arrival == given["duration"]
+    assert plan(FEUP, (3.0, 1.5), goal="effort", **changed).arrival == given["duration"]
     with pytest.raises(NoAnswerError):
-        plan(FEUP, 3.0, 1.5, goal="effort", **{**given, option: 0.98 * offered})
+        plan(FEUP, (3.0, 1.5), goal="effort", **{**given, option: 0.98 * offered})
 
 
 @pytest.mark.parametrize("step", [pytest.param((1.5, 86.0), marks=pytest.mark.prove), (60.0, 1.5)])
 def test_a_plan_that_the_simulator_leaves_by_far_is_none_and_what_is_offered_is_one(step):
     """What is offered keeps within the tenth of the step by which the other is refused."""
     with pytest.raises(NoAnswerError, match="no plan that the vehicle would follow") as refused:
-        plan(FEUP, *step)
+        plan(FEUP, step)
     assert "with `goal='effort'`, of a smoother motion, or with `arrive='rest'`" in str(
         refused.value
     )
     assert float(str(refused.value).split("up to ")[1].split()[0]) > 0.1 * abs(step[1] - step[0])
     for offered in ({"goal": "effort"}, {"arrive": "rest"}):
-        assert plan(FEUP, *step, **offered).residual < 0.1 * abs(step[1] - step[0])
+        assert plan(FEUP, step, **offered).residual < 0.1 * abs(step[1] - step[0])
 
 
 def test_a_plan_that_misses_the_band_by_little_says_so_in_metres():
-    found = dataclasses.replace(plan(FEUP, 1.5, 70.0), residual=6.84)
+    found = dataclasses.replace(plan(FEUP, (1.5, 70.0)), residual=6.84)
     assert not found.lost
     said = " ".join(found.sentences)
     assert "(inside 1.37 m of the target for good)" in said
@@ -273,7 +273,7 @@ def dense(task, steps):
 def test_the_least_energy_is_that_of_the_normal_equations():
     """No limit is reached, so the optimum is a linear system's: here a dense one, by null space."""
     vehicle = smooth_motor()
-    found = plan(vehicle, 1.5, 3.0, goal="energy", duration=36.0)
+    found = plan(vehicle, (1.5, 3.0), goal="energy", duration=36.0)
     assert not any(found.at_limit[name] for name in ("voltage", "stroke"))
     n = len(found.time) - 1
     task = found.task
@@ -307,7 +307,7 @@ def test_an_energy_that_is_not_convex_is_said_to_be_least_near_by(monkeypatch):
 
 def test_the_sides_of_a_plan_of_least_energy_are_those_on_which_its_motor_turns():
     """Friction and the screw's losses act against the motor, and the simulator finds them so."""
-    found = plan(EM, 1.0, 2.0, goal="energy")
+    found = plan(EM, (1.0, 2.0), goal="energy")
     assert not found.proven  # load and friction depend on the side
     assert found.residual < 5e-4
     run = drive(EM, time=found.time, voltage=found.command, start_depth=1.0)
@@ -326,6 +326,6 @@ def test_every_program_of_a_plan_is_told():
     told = {}
     for goal in ("effort", "energy"):
         ticks: list[float] = []
-        plan(EM, 1.0, 2.0, goal=goal, advance=ticks.append)
+        plan(EM, (1.0, 2.0), goal=goal, advance=ticks.append)
         told[goal] = len(ticks)
     assert told["energy"] >= told["effort"] > 3

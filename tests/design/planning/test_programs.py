@@ -147,7 +147,7 @@ def test_the_least_time_of_a_leaky_vehicle_with_a_tired_battery(resistance):
 def test_the_least_energy_of_a_leaky_vehicle_out_of_trim():
     """By a dense program in the voltages alone, on motions to rest by their null space."""
     vehicle = leaky()
-    found = plan(vehicle, 2.0, 3.2, goal="energy", duration=36.0, sample_time=0.4)
+    found = plan(vehicle, (2.0, 3.2), goal="energy", duration=36.0, sample_time=0.4)
     assert not any(found.at_limit[name] for name in ("voltage", "stroke"))
     assert found.proven
     n, h, kappa = len(found.time) - 1, 0.4, K_EMF / K_Q
@@ -215,7 +215,7 @@ def test_no_turn_of_a_single_sample_betters_a_plan_of_least_energy():
 def test_a_plan_in_turbulent_drag_settles_and_arrives():
     """The simulator arrives when the plan says."""
     vehicle = load_vehicle("example-eh")
-    found = plan(vehicle, 10.0, 20.0)
+    found = plan(vehicle, (10.0, 20.0))
     run = drive(vehicle, time=found.time, voltage=found.command, start_depth=10.0)
     inside = np.abs(run.depth - 20.0) <= 0.2 + 5e-3
     assert inside[run.time >= found.arrival].all()

@@ -33,9 +33,9 @@ VEHICLE = load_vehicle("feup-em")
 def lines():
     sensors = Sensors(depth_noise=2e-3)
     truth = VEHICLE.model_copy(update={"sensors": sensors})
-    operator = Operator(VEHICLE, truth, pool_depth=4.5, seed=3)
+    operator = Operator(VEHICLE, truth, bottom_depth=4.5, seed=3)
     found = []
-    for task in paper_tasks(VEHICLE, pool_depth=4.5)[4:6]:
+    for task in paper_tasks(VEHICLE, bottom_depth=4.5)[4:6]:
         p = operator.perform(task)
         rows = np.column_stack(p[:3]).tolist()
         found.append([",".join(map(repr, row)) + "\n" for row in rows])
@@ -50,7 +50,7 @@ def day_in(folder, **other):
     folder.mkdir(exist_ok=True)
     settings = {
         "rules": Rules(bottom=4.45),
-        "tasks": paper_tasks(VEHICLE, pool_depth=4.5),
+        "tasks": paper_tasks(VEHICLE, bottom_depth=4.5),
         "asked": Asked(targets=(Target("K2", 0.02), Target("T2", 0.02))),
         "mode": "followed",
     }

@@ -55,7 +55,7 @@ def test_the_study_goes_on_where_it_stopped(tmp_path, monkeypatch):
 def test_an_experiment_of_the_study_does_as_the_vehicle_must():
     """Held, then let go at rest; 20 cm3 more lift it, less what the sea takes of the stroke."""
     believed = load_vehicle("feup-em")
-    task = paper_tasks(believed, pool_depth=4.5)[0]
+    task = paper_tasks(believed, bottom_depth=4.5)[0]
     perform = stopping.performer(
         believed, np.array([7935.54, 36.3, 4.04e-6]), np.random.default_rng(1)
     )
@@ -82,8 +82,8 @@ def test_a_day_ends_and_its_numbers_are_near_the_truth(tmp_path):
 def test_a_rehearsed_piston_stands_while_the_vehicle_goes():
     """Held by a voltage for the depth of the sample, it would creep by 0.1 cm3 on its way."""
     vehicle = load_vehicle("feup-em")
-    task = paper_tasks(vehicle, pool_depth=4.5)[0]
-    done = Operator(vehicle, vehicle, pool_depth=4.5, seed=0).perform(task)
+    task = paper_tasks(vehicle, bottom_depth=4.5)[0]
+    done = Operator(vehicle, vehicle, bottom_depth=4.5, seed=0).perform(task)
     begun = next(at for at, does in done.phases if does == "glide")
     volume = done.volume[done.time > begun + 2.0]
     assert len(volume) > 50

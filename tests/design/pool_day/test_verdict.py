@@ -111,11 +111,11 @@ def test_the_neutral_volume_is_named_where_it_limits():
 
 
 def test_the_papers_experiments_fit_the_stroke():
-    paper = paper_tasks(load_vehicle("feup-em"), pool_depth=4.5)
+    paper = paper_tasks(load_vehicle("feup-em"), bottom_depth=4.5)
     assert [round(1e6 * t.change) for t in paper] == [20, -20, 30, -30, 45, -45, 75, -75]
     assert {t.start for t in paper} == {3.75, 0.75}
     small = load_vehicle("ntnu-bv")
-    tasks = paper_tasks(small, pool_depth=1.5)
+    tasks = paper_tasks(small, bottom_depth=1.5)
     for task in tasks:
         volume = small.neutral_volume(task.start) + task.change
         assert small.stroke.minimum < volume < small.stroke.maximum

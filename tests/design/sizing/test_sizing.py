@@ -30,7 +30,7 @@ from swimbladder.physics.seawater import Cast, cast_column, uniform_column
 from swimbladder.vehicle import Vehicle
 
 BODY = sb.load_vehicle("example-eh")
-DIVE = Dive(depth=1000.0, park_time=9 * 86400.0)
+DIVE = Dive(max_depth=1000.0, park_time=9 * 86400.0)
 
 
 def _few(**changes):
@@ -85,7 +85,7 @@ def test_the_stroke_covers_the_drag_of_each_way() -> None:
 @pytest.mark.parametrize("psi", [4e-6, -4e-6])
 def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: float) -> None:
     body = BODY.model_copy(update={"hull": BODY.hull.model_copy(update={"psi": psi})})
-    asked = requirements(body, uniform_column(BODY.water, 101.0), Dive(depth=100.0))
+    asked = requirements(body, uniform_column(BODY.water, 101.0), Dive(max_depth=100.0))
     assert asked.moved.sum() == pytest.approx(2 * asked.drive + 100.0 * abs(psi), rel=1e-9)
     turn = 2 * asked.drive / 600.0
     assert asked.rate == pytest.approx(max(turn, psi * 0.1), rel=1e-9)
@@ -95,9 +95,9 @@ def test_what_the_neutral_volume_grows_by_is_pressed_out_on_either_way(psi: floa
 
 
 def test_the_trim_is_covered_as_often_as_it_says() -> None:
-    dive = dataclasses.replace(DIVE, reserve=0.0, probability=0.9)
+    dive = dataclasses.replace(DIVE, stroke_reserve=0.0, probability=0.9)
     asked = requirements(BODY, uniform_column(BODY.water, 1001.0), dive)
-    trims = np.random.default_rng(3).normal(0.0, dive.trim, 40_000)
+    trims = np.random.default_rng(3).normal(0.0, dive.trim_std, 40_000)
     low = trims + asked.neutral.min() - asked.drive
     high = trims + asked.neutral.max() + asked.drive
     stays = (low >= asked.lowest) & (high <= asked.lowest + asked.stroke)
@@ -136,7 +136,7 @@ def test_no_other_drive_is_lighter(found: Sizing) -> None:
 
 
 def test_least_energy_takes_less_energy(found: Sizing) -> None:
-    other = size(BODY, DIVE, parts=_few(), least="energy", sweeps=False)
+    other = size(BODY, DIVE, parts=_few(), goal="energy", sweeps=False)
     assert other.evaluation.cycle_energy[other.best] <= found.evaluation.cycle_energy[found.best]
     assert other.evaluation.mass[other.best] >= found.evaluation.mass[found.best] / 1.002
 
@@ -213,43 +213,43 @@ def test_what_no_drive_does_names_the_requirement() -> None:
 
 def test_a_limit_of_mass_is_kept_or_refused(found: Sizing) -> None:
     lightest = float(found.evaluation.mass[found.best])
-    tight = size(BODY, DIVE, parts=_few(), largest_mass=1.05 * lightest, sweeps=False)
+    tight = size(BODY, DIVE, parts=_few(), max_mass=1.05 * lightest, sweeps=False)
     assert np.all(tight.evaluation.mass[tight.evaluation.feasible] <= 1.05 * lightest)
     with pytest.raises(NoAnswerError, match="mass"):
-        size(BODY, DIVE, parts=_few(), largest_mass=0.5 * lightest, sweeps=False)
+        size(BODY, DIVE, parts=_few(), max_mass=0.5 * lightest, sweeps=False)
 
 
 def test_deeper_and_more_cycles_are_heavier(found: Sizing) -> None:
     by = {sweep.what: sweep for sweep in found.sweeps}
-    for what in ("depth", "cycles"):
+    for what in ("max_depth", "cycles"):
         mass = np.array(by[what].mass)
         assert np.all(np.diff(mass[np.isfinite(mass)]) > 0.0)
-    assert np.all(np.diff(by["trim"].stroke) > 0.0)
+    assert np.all(np.diff(by["trim_std"].stroke) > 0.0)
 
 
 @pytest.mark.parametrize(
     ("change", "field"),
     [
-        ({"depth": -3.0}, "depth"),
+        ({"max_depth": -3.0}, "max_depth"),
         ({"speed": 0.0}, "speed"),
-        ({"trim": -1e-6}, "trim"),
+        ({"trim_std": -1e-6}, "trim_std"),
         ({"probability": 1.0}, "probability"),
         ({"cycles": 0}, "cycles"),
         ({"turn_time": math.nan}, "turn_time"),
-        ({"reserve": 10.0}, "reserve"),
+        ({"stroke_reserve": 10.0}, "stroke_reserve"),
         ({"corrections": 20.0}, "corrections"),
         ({"battery_reserve": 1.0}, "battery_reserve"),
     ],
 )
 def test_wishes_that_cannot_be_are_refused(change: dict, field: str) -> None:
     with pytest.raises(InputError) as error:
-        Dive(**({"depth": 100.0} | change))
+        Dive(**({"max_depth": 100.0} | change))
     assert error.value.field == field
 
 
 def test_a_body_rated_for_less_is_refused() -> None:
     with pytest.raises(InputError, match="rated for 1000 m"):
-        size(BODY, Dive(depth=1500.0))
+        size(BODY, Dive(max_depth=1500.0))
 
 
 def test_a_cast_too_short_is_refused() -> None:
@@ -285,7 +285,7 @@ def test_water_of_one_density_is_said_to_be_none_of_the_sea(found: Sizing) -> No
 
 def test_the_answer_is_whole(found: Sizing) -> None:
     answer = found.to_dict()
-    assert answer["chosen"]["mass"] == pytest.approx(answer["pareto"][0]["mass"], rel=2e-3)
+    assert answer["chosen"]["mass_kg"] == pytest.approx(answer["pareto"][0]["mass_kg"], rel=2e-3)
     assert len(columns(found)["mass_kg"]) == answer["feasible"]
     text = " ".join(found.sentences)
     assert "1000 m" in text
@@ -315,5 +315,5 @@ def test_a_battery_heavier_than_the_body_is_none(found: Sizing) -> None:
 def test_a_stroke_that_the_body_has_no_room_for_is_none() -> None:
     trim = BODY.hull.displaced_volume / 8.0  # 1.96 sigma to both sides, and a tenth: over half
     with pytest.raises(NoAnswerError, match=r" has \d+ % of the room that the body has for the"):
-        size(BODY, dataclasses.replace(DIVE, trim=trim), parts=_few(), sweeps=False)
-    assert size(BODY, dataclasses.replace(DIVE, trim=0.8 * trim), parts=_few(), sweeps=False)
+        size(BODY, dataclasses.replace(DIVE, trim_std=trim), parts=_few(), sweeps=False)
+    assert size(BODY, dataclasses.replace(DIVE, trim_std=0.8 * trim), parts=_few(), sweeps=False)

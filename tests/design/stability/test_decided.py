@@ -79,7 +79,7 @@ def test_flights_grow_from_decision_to_decision_where_the_map_says_so(share, gro
 
 def test_an_unstable_law_is_said_with_its_parameters():
     wild = with_law(coefficient="3000 cm3 s2/m2")
-    found = stability(wild, depths=(100.0, 1500.0), maps=False)
+    found = stability(wild, depth_range=(100.0, 1500.0), maps=False)
     assert not found.stable
     assert found.sentences[0].startswith("UNSTABLE: with drag -")
     assert found.to_dict()["decisions"]["largest_eigenvalue"] > 1.0
@@ -99,7 +99,7 @@ def test_drag_that_is_less_on_the_way_up_counts_there():
 
 
 def test_a_hull_that_gives_way_faster_than_is_decided_is_unstable_at_rest():
-    found = stability(with_psi(2e-6), depths=(20.0, 100.0), maps=False)
+    found = stability(with_psi(2e-6), depth_range=(20.0, 100.0), maps=False)
     assert not found.stable
     rest = found.decided.rest
     assert rest.band > rest.tolerance
@@ -181,14 +181,14 @@ def test_a_hull_that_gives_way_hunts_within_its_bound():
 
 
 def test_it_comes_back_from_everywhere_within_its_stroke(tmp_path):
-    found = stability(FLOAT, depths=(100.0, 500.0), cells=5, keep=tmp_path)
+    found = stability(FLOAT, depth_range=(100.0, 500.0), cells=5, keep=tmp_path)
     assert found.stable
     assert all(m.count(v) == 0 for m in found.maps for v in (2, 3, 4))
     assert found.within == pytest.approx(1.5 * 400.0 / 0.1 + 3600.0)
 
 
 def test_what_has_no_samples_is_refused_gains_late_by_one():
-    with refused(InputError, field="with_robustness"):
-        stability(FLOAT, depths=(100.0, 500.0), with_robustness=True)
+    with refused(InputError, field="robustness"):
+        stability(FLOAT, depth_range=(100.0, 500.0), robustness=True)
     with refused(InputError, field="laws"):
-        stability(FLOAT, depths=(100.0, 500.0), laws=("adrc",))
+        stability(FLOAT, depth_range=(100.0, 500.0), laws=("adrc",))

@@ -148,7 +148,7 @@ def test_a_region_too_wide_is_an_answer_of_no_with_what_narrows_it(capsys, tmp_p
     table = f"\n[identified]\nnames = {names}\nvalues = {values}\n"
     wide.write_text(preset_text("feup-em") + table + "covariance = [[1.0e6, 0.0], [0.0, 15.0]]\n")
     out = tmp_path / "out"
-    command = ["tune", str(wide), "--law", "adrc", "--depth", "0:5 m", "--step", "1.5:3"]
+    command = ["tune", str(wide), "--law", "adrc", "--depth-range", "0:5 m", "--step", "1.5:3"]
     command += ["--depth-noise", "2 mm", "--runs", "40", "--out", str(out)]
     assert main(command) == 1
     said = " ".join(capsys.readouterr().out.split())
@@ -187,7 +187,7 @@ def test_a_region_too_wide_for_a_law_is_a_no_with_what_narrows_it(sigma, cause, 
     """K2 to 45 % ended with "drag: must be <= 0.3", a bound on how floats may differ."""
     vehicle = known_to("feup-em", **sigma).with_sensors(depth_noise=2e-3)
     with pytest.raises(NoAnswerError) as said:
-        tune(vehicle, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
+        tune(vehicle, law="adrc", depth_range=(0.0, 5.0), step=(1.5, 3.0), runs=20)
     assert "no gains of the law 'adrc' have the margins over the region" in str(said.value)
     assert f"What limits it is what is not known of the {cause}: " in str(said.value)
     assert remedy in str(said.value)
@@ -213,7 +213,7 @@ def test_floats_that_differ_more_than_is_represented_are_a_no():
     vehicle = known_to("example-float", drag_quadratic=0.45)
     said = r"drag is identified to 45 % \(1 sigma\).*logs of more dives.*`identify --cast`"
     with pytest.raises(NoAnswerError, match=said):
-        tune(vehicle, depths=(0.0, 1000.0))
+        tune(vehicle, depth_range=(0.0, 1000.0))
     region(known_to("example-float", drag_quadratic=0.29))
 
 
@@ -232,7 +232,7 @@ def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeyp
 
     monkeypatch.setattr(Search, "found", of_some)
     monkeypatch.setattr("swimbladder.design.tuning.run.laws_for", lambda *_: [*why, "adrc"])
-    given = {"depths": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
+    given = {"depth_range": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
     tuned = tune(FEUP, **given)
     assert tuned.law.name == "adrc"
     assert tuned.choice == "The law adrc is the only one that has gains for this."
@@ -251,7 +251,7 @@ def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeyp
 @pytest.mark.prove
 def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     """Gains whose motor is far weaker than they take for granted, and a noisy sensor."""
-    found = tune(FEUP, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=40)
+    found = tune(FEUP, law="adrc", depth_range=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=40)
     bound = BoundLaw(found.law, found.parameters, 0.3)
     promise = Promise("fast", found.least, 0.0, 20e-6)
     weak = Drawn(40, region(FEUP), 4.0, supervised=True)
@@ -273,7 +273,7 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
 @pytest.mark.slow
 @pytest.mark.prove
 def test_waves_alarm_a_supervisor_that_expects_no_more_than_still_water():
-    found = tune(FEUP, law="adrc", depths=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=20)
+    found = tune(FEUP, law="adrc", depth_range=(0.0, 5.0), step=(1.5, 3.0), supply=12.0, runs=20)
     bound, drawn = BoundLaw(found.law, found.parameters, 0.3), Drawn(20, supervised=True)
     assert alarms_in_waves(found.vehicle, bound, 2.0, drawn) == 0.0 == found.waves
     nervous = found.vehicle.supervisor.model_copy(update={"neutral_range": 1e-6, "patience": 1.0})

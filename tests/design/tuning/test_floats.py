@@ -53,7 +53,7 @@ def changed(where: str, **values):
 
 @pytest.fixture(scope="module")
 def fast():
-    return tune(FLOAT, depths=DEPTHS, runs=20)
+    return tune(FLOAT, depth_range=DEPTHS, runs=20)
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,7 @@ def test_its_figures_are_of_law_seconds_and_supervisor_as_flashed(fast):
     assert (
         fast.vehicle.supervisor.time_limit is None
     )  # a float's mission takes days: `firmware` asks
-    told = tune(FLOAT, depths=DEPTHS, runs=20, supervised=False)
+    told = tune(FLOAT, depth_range=DEPTHS, runs=20, supervised=False)
     own = BoundLaw(told.law, told.parameters)
     assert told.region == trial(FLOAT, own, told.step, Drawn(20, AROUND, told.supply))
     assert ALONE in told.assumptions
@@ -112,9 +112,9 @@ def test_a_board_knows_the_pump_of_a_full_battery():
 
 def test_a_supervisor_that_ends_the_flight_or_turns_it_round_is_a_no():
     with pytest.raises(NoAnswerError, match="brings it up: time limit"):
-        tune(changed("supervisor", time_limit=3600.0), depths=DEPTHS, runs=20)
-    with refused(InputError, field="depths", value=300.0):
-        tune(changed("supervisor", depth_limit=250.0), depths=DEPTHS, runs=20)
+        tune(changed("supervisor", time_limit=3600.0), depth_range=DEPTHS, runs=20)
+    with refused(InputError, field="depth_range", value=300.0):
+        tune(changed("supervisor", depth_limit=250.0), depth_range=DEPTHS, runs=20)
 
 
 def test_the_fast_law_is_sooner_there_than_the_one_it_had(fast):
@@ -150,7 +150,7 @@ def test_a_quiet_law_takes_less_to_hold_than_the_one_it_had():
 
     Both as flashed, for the pump of a full battery, with one that is nearly empty.
     """
-    quiet = tune(FLOAT, goal="quiet", depths=(100.0, 1500.0))
+    quiet = tune(FLOAT, goal="quiet", depth_range=(100.0, 1500.0))
     as_flashed = Drawn(200, AROUND, quiet.supply, supervised=True, tick=quiet.sample_time)
     own = trial(FLOAT, BOUND, quiet.step, as_flashed)
     assert own.alarms == quiet.region.alarms == 0.0
@@ -252,7 +252,7 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
     assert wet.energy != even.energy
     assert wet.settled == 1.0
     with refused(InputError, field="cast"):
-        tune(FLOAT, depths=(100.0, 900.0), runs=20, column=column)
+        tune(FLOAT, depth_range=(100.0, 900.0), runs=20, column=column)
 
 
 SOFT = changed("hull", psi=2e-6)
@@ -261,33 +261,33 @@ SOFT = changed("hull", psi=2e-6)
 @pytest.mark.parametrize(
     ("vehicle", "options", "words"),
     [
-        (changed("supply", voltage=3.0), {"depths": (100.0, 1900.0)}, "leaks back"),
-        (FLOAT, {"depths": (100.0, 2500.0)}, "rated for 2000 m"),
-        (changed("stroke", minimum=-60e-6), {"depths": (100.0, 1900.0)}, "outside its stroke"),
+        (changed("supply", voltage=3.0), {"depth_range": (100.0, 1900.0)}, "leaks back"),
+        (FLOAT, {"depth_range": (100.0, 2500.0)}, "rated for 2000 m"),
+        (changed("stroke", minimum=-60e-6), {"depth_range": (100.0, 1900.0)}, "outside its stroke"),
         (FLOAT, {"hold": 0.2}, "keeps it within 0.2 m"),
         (changed("sensors", depth_noise=0.2), {"hold": 0.5}, "is lost in it"),
-        (changed("hull", psi=-4e-6), {"depths": (2.0, 40.0), "hold": 0.4}, "no setting"),
-        (SOFT, {"depths": (2.0, 100.0), "supervised": False}, "hull gives way"),
+        (changed("hull", psi=-4e-6), {"depth_range": (2.0, 40.0), "hold": 0.4}, "no setting"),
+        (SOFT, {"depth_range": (2.0, 100.0), "supervised": False}, "hull gives way"),
         (changed("actuator", longest_run=2.0), {}, "the pump needs"),
     ],
 )
 def test_where_no_setting_does_it_the_answer_is_no_and_why(vehicle, options, words):
     with pytest.raises(NoAnswerError) as told:
-        tune(vehicle, runs=20, **({"depths": DEPTHS} | options))
+        tune(vehicle, runs=20, **({"depth_range": DEPTHS} | options))
     assert words in str(told.value)
 
 
 def test_what_does_not_go_together_is_refused():
     with refused(InputError, field="law"):
-        tune(FLOAT, law="planned", depths=DEPTHS)
+        tune(FLOAT, law="planned", depth_range=DEPTHS)
     with refused(InputError, field="law"):
         tune(load_vehicle("feup-em"), law="rate")
-    with refused(InputError, field="depths"):
+    with refused(InputError, field="depth_range"):
         tune(FLOAT)  # 0 to 10 m: within the band
     with refused(InputError, field="hold"):
-        tune(FLOAT, depths=DEPTHS, hold=-1.0)
+        tune(FLOAT, depth_range=DEPTHS, hold=-1.0)
     with refused(InputError, field="supply"):
-        tune(FLOAT, depths=DEPTHS, supply=20.0)
+        tune(FLOAT, depth_range=DEPTHS, supply=20.0)
 
 
 def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
@@ -309,12 +309,21 @@ def test_decisions_are_judged_with_the_psi_of_the_cast(sea):
 @pytest.mark.prove
 def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_path):
     out = tmp_path / "out"
-    command = ["tune", "example-float", "--depth", "100:300 m", "--runs", "20", "--cast", str(sea)]
+    command = [
+        "tune",
+        "example-float",
+        "--depth-range",
+        "100:300 m",
+        "--runs",
+        "20",
+        "--cast",
+        str(sea),
+    ]
     assert main([*command, "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     names = {"vehicle.toml", "report.html", "tune.json", "tune.png"}
     assert {p.name for p in out.iterdir()} == names
-    found = tune(FLOAT, depths=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
+    found = tune(FLOAT, depth_range=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
     assert answer["region"] == pytest.approx(found.to_dict()["region"], rel=1e-2)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "time to the depth, 95 %" in page
@@ -325,6 +334,13 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
 
 
 def test_the_command_says_no_with_exit_code_1(capsys, tmp_path):
-    command = ["tune", "example-float", "--depth", "100:2500 m", "--out", str(tmp_path / "out")]
+    command = [
+        "tune",
+        "example-float",
+        "--depth-range",
+        "100:2500 m",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     assert main(command) == 1
     assert "rated for 2000 m" in capsys.readouterr().err

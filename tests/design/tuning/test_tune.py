@@ -110,7 +110,7 @@ def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
         NOISY,
         law=law,
         goal="fast",
-        depths=(0.0, 5.0),
+        depth_range=(0.0, 5.0),
         step=(1.5, 3.0),
         supply=12.0,
         runs=100,
@@ -145,7 +145,7 @@ def test_quiet_holds_a_depth_and_hardly_moves():
         vehicle,
         law="observer",
         goal="quiet",
-        depths=(0.0, 5.0),
+        depth_range=(0.0, 5.0),
         step=(1.5, 2.0),
         supply=12.0,
         runs=60,
@@ -170,7 +170,7 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     """The law alone; under the supervisor they are 82, and the depth is held to 5 mm."""
     coarse = NOISY.sensors.model_copy(update={"depth_quantum": 5e-3})
     vehicle = NOISY.model_copy(update={"sensors": coarse})
-    asked = {"goal": "quiet", "depths": (0.0, 5.0), "step": (1.5, 2.0), "supply": 12.0}
+    asked = {"goal": "quiet", "depth_range": (0.0, 5.0), "step": (1.5, 2.0), "supply": 12.0}
     found = tune(vehicle, law="pulse", **asked, runs=100, supervised=False)
     assert violated_margins(found.margins, WANTED) == ()
     other = trial(
@@ -222,12 +222,12 @@ def test_a_walk_takes_the_vehicle_as_far_off_as_reckoned_with():
 def test_a_sensor_too_bad_for_a_fast_law_is_said():
     sensors = FEUP.sensors.model_copy(update={"depth_noise": 0.05})
     vehicle = FEUP.model_copy(update={"sensors": sensors})
-    found = tune(vehicle, law="adrc", depths=(0.0, 5.0), runs=20)
+    found = tune(vehicle, law="adrc", depth_range=(0.0, 5.0), runs=20)
     assert not found.proven
     with pytest.raises(NoAnswerError, match="limits it is the noise of the depth sensor, 50 mm"):
         print(found.vehicle)
     with pytest.raises(NoAnswerError, match="depth noise of 50 mm"):
-        tune(vehicle, law="planned", depths=(0.0, 5.0), runs=20)
+        tune(vehicle, law="planned", depth_range=(0.0, 5.0), runs=20)
 
 
 @pytest.mark.slow
@@ -235,14 +235,12 @@ def test_a_sensor_too_bad_for_a_fast_law_is_said():
 def test_a_positioner_is_tuned_too():
     found = tune(
         load_vehicle("ntnu-bv"),
-        depths=(0.0, 0.9),
+        depth_range=(0.0, 0.9),
         step=(0.4, 1.0),
         runs=20,
     )
     assert found.judged == (0.0, 0.4, 0.9, 1.0)  # the step leaves the range, and that is said
-    leaves = (
-        "0.4 to 1 m, leaves the depths of 0 to 0.9 m (`depths=`): the margins are judged at 1 m"
-    )
+    leaves = "leaves the depths of 0 to 0.9 m (`depth_range=`): the margins are judged at 1 m"
     assert any(leaves in words for words in found.assumptions)
     assert violated_margins(found.margins, WANTED) == ()
     assert found.nominal.settled == 1.0
@@ -256,7 +254,7 @@ def test_a_positioner_is_tuned_too():
 
 @pytest.mark.prove
 def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
-    found = tune(NOISY, law="observer", depths=(0.0, 5.0), step=(1.5, 3.0), runs=20)
+    found = tune(NOISY, law="observer", depth_range=(0.0, 5.0), step=(1.5, 3.0), runs=20)
     figure = draw_sensitivity(found)
     peaks = [max(line.get_ydata().max() for line in axes.lines[:-1]) for axes in figure.axes]
     assert max(peaks) == pytest.approx(found.margins.peak_sensitivity, rel=2e-3)
@@ -267,7 +265,7 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
     vehicle = load_vehicle("example-em")
     noisy = vehicle.sensors.model_copy(update={"depth_noise": 2e-3})
     vehicle = vehicle.model_copy(update={"sensors": noisy})
-    options = {"law": "sea-cascade", "depths": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
+    options = {"law": "sea-cascade", "depth_range": (0.0, 5.0), "step": (1.5, 3.0), "runs": 20}
     saving = tune(vehicle, goal="energy", hold=0.03, **options)
     fast = tune(vehicle, goal="fast", **options)
     assert saving.region.rms < 0.03
@@ -308,21 +306,27 @@ def test_healthy_vehicles_that_a_supervisor_takes_over_are_an_answer_of_no(capsy
     tight = tmp_path / "tight.toml"
     table = '\n[supervisor]\nbattery_low = "11.5 V"\n'  # and the supply falls to 10.8 V
     tight.write_text(preset_text("feup-em") + table)
-    command = ["tune", str(tight), "--law", "adrc", "--depth", "0:5 m", "--runs", "20"]
+    command = ["tune", str(tight), "--law", "adrc", "--depth-range", "0:5 m", "--runs", "20"]
     command += ["--depth-noise", "2 mm", "--out", str(tmp_path / "out")]
     assert main(command) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "in 50 % of 20 runs over the region the supervisor takes a healthy vehicle" in said
     assert "for a faulty one and brings it up: battery low, with a depth noise of 2 mm" in said
     assert not (tmp_path / "out").exists()
-    assert main([*command, "--without-supervisor", "--json"]) == 0
+    assert main([*command, "--unsupervised", "--json"]) == 0
     assert ALONE in json.loads(capsys.readouterr().out)["assumptions"]
 
 
 @pytest.mark.prove
 def test_a_law_that_sleeps_is_judged_by_trials_alone():
     found = tune(
-        NOISY, law="deadband", goal="quiet", hold=0.05, depths=(0.0, 5.0), step=(1.5, 3.0), runs=20
+        NOISY,
+        law="deadband",
+        goal="quiet",
+        hold=0.05,
+        depth_range=(0.0, 5.0),
+        step=(1.5, 3.0),
+        runs=20,
     )
     assert found.margins is None
     assert found.to_dict()["margins"] is None
@@ -360,13 +364,23 @@ LIGHT = FEUP.model_copy(
 @pytest.mark.parametrize(
     ("vehicle", "options", "error", "words"),
     [
-        (FEUP, {"depths": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
+        (FEUP, {"depth_range": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
         (FEUP, {"step": (1.5, 95.0)}, NoAnswerError, "at 95 m the vehicle is neutral at 383.8"),
         (FEUP, {"step": (1.5, 300.0)}, NoAnswerError, "rated for 100 m"),
-        (FEUP, {"depths": (0.0, 86.5)}, NoAnswerError, "anywhere from 347.5 to 351.5 cm3"),
-        (LIGHT, {"depths": (5.0, 60.0)}, NoAnswerError, "at 5 m the vehicle is neutral at 355"),
-        (FEUP, {"depths": (0.0, 60.0), "supply": 4.0}, NoAnswerError, "no longer extend below"),
-        (FEUP, {"depths": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
+        (FEUP, {"depth_range": (0.0, 86.5)}, NoAnswerError, "anywhere from 347.5 to 351.5 cm3"),
+        (
+            LIGHT,
+            {"depth_range": (5.0, 60.0)},
+            NoAnswerError,
+            "at 5 m the vehicle is neutral at 355",
+        ),
+        (
+            FEUP,
+            {"depth_range": (0.0, 60.0), "supply": 4.0},
+            NoAnswerError,
+            "no longer extend below",
+        ),
+        (FEUP, {"depth_range": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
         pytest.param(
             FEUP,
             {"sample_time": 3.0},
@@ -380,7 +394,7 @@ LIGHT = FEUP.model_copy(
         (FEUP, {"goal": "fast", "law": "deadband"}, InputError, "not tuned for this"),
         (FEUP, {"hold": 0.01}, InputError, "for quiet and energy"),
         (FEUP, {"goal": "quiet", "hold": -0.01}, InputError, "above 0"),
-        (FEUP, {"depths": (5.0, 2.0)}, InputError, "no range"),
+        (FEUP, {"depth_range": (5.0, 2.0)}, InputError, "no range"),
         (FEUP, {"delay": 1.5}, InputError, "share of the sample"),
         (FEUP, {"supply": 20.0}, InputError, "not above the vehicle's"),
         (FEUP, {"supply": -1.0}, InputError, "^supply: .* Give more than 0 V, and up to 12 V"),
@@ -416,7 +430,16 @@ def test_gains_that_lack_a_margin_are_nearer_than_ones_that_are_not_stable():
 @pytest.mark.prove
 def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     out = tmp_path / "tuned"
-    command = ["tune", "feup-em", "--depth-noise", "2 mm", "--depth", "0:5 m", "--step", "1.5:3 m"]
+    command = [
+        "tune",
+        "feup-em",
+        "--depth-noise",
+        "2 mm",
+        "--depth-range",
+        "0:5 m",
+        "--step",
+        "1.5:3 m",
+    ]
     assert main([*command, "--runs", "30", "--out", str(out), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["law"] == "adrc"  # chosen
@@ -440,7 +463,7 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
     assert load_vehicle(out / "vehicle.toml").controller.depths == (0.0, 5.0)
     assert main([*command, "--runs", "30", "--out", str(out)]) == 0
     assert few(capsys.readouterr().out).startswith("feup-em, law adrc, goal fast")
-    simulate = ["simulate", str(out / "vehicle.toml"), "--start", "1.5", "--target", "3"]
+    simulate = ["simulate", str(out / "vehicle.toml"), "--step", "1.5:3"]
     assert (
         main(
             [*simulate, "--duration", "60", "--seed", "1", "--json", "--out", str(tmp_path / "run")]
@@ -453,8 +476,8 @@ def test_the_command_writes_a_vehicle_that_simulates(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--depth", "5"], "a colon between"),
-        (["--depth", "0:5 kg"], "of another kind"),
+        (["--depth-range", "5"], "a colon between"),
+        (["--depth-range", "0:5 kg"], "of another kind"),
         (["--depth-noise", "-1 mm"], "greater than or equal to 0"),
         (["--law", "planed"], "Did you mean planned?"),
         (["--runs", "3"], "too few"),

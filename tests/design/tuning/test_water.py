@@ -87,7 +87,7 @@ def test_vehicles_that_are_drawn_have_its_density(column):
 
 @pytest.mark.prove
 def test_tuning_says_and_feels_it(column):
-    given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    given = {"law": "planned", "depth_range": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
     given["supervised"] = False
     wet, even = tune(FEUP, column=column, **given), tune(FEUP, **given)
     assert any("in the water of lake.csv" in words for words in wet.assumptions)
@@ -104,7 +104,7 @@ def test_tuning_says_and_feels_it(column):
 @pytest.mark.prove
 def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
     """They move the neutral volume by more than it allows; one that allows it flies."""
-    given = {"law": "planned", "depths": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    given = {"law": "planned", "depth_range": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
     said = "the supervisor takes a healthy vehicle for a faulty one and brings it up"
     with pytest.raises(NoAnswerError, match=said):
         tune(FEUP, column=column, **given)
@@ -118,7 +118,7 @@ def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
 
 def test_a_cast_that_ends_above_is_refused(column):
     with pytest.raises(InputError, match=r"lake\.csv ends at 15 m"):
-        tune(FEUP, depths=(0.0, 20.0), column=column)
+        tune(FEUP, depth_range=(0.0, 20.0), column=column)
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_compare_laws_says_whose_water_it_is(lake, tmp_path, capsys):
         "position-pid",
         "--runs",
         "2",
-        "--depth",
+        "--depth-range",
         "0:6 m",
         "--json",
         "--out",

@@ -143,7 +143,7 @@ def written(tmp_path_factory):
 
 
 def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
-    arguments = ["compare", str(written), "--vehicle", "ntnu-bv", "--ahead", "5 s,20 s"]
+    arguments = ["compare", str(written), "--vehicle", "ntnu-bv", "--horizons", "5 s,20 s"]
     assert main([*arguments, "--out", str(tmp_path), "--plot", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)["ahead"]
     assert [h["seconds"] for h in told["horizons"]] == [5.0, 20.0]
@@ -171,13 +171,13 @@ def test_the_command_tells_and_writes_it(written, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--ahead", "soon"], "--ahead"),
-        (["--ahead", "-5 s"], "times ahead"),
-        (["--ahead", "5 s,5 s"], "times ahead"),
-        (["--ahead", "5 m"], "another kind"),
-        (["--random-walk", "1 cm3/s^0.5"], "belongs to --ahead"),
-        (["--ahead", "5 s", "--random-walk", "1 cm3"], "--random-walk"),
-        (["--ahead", "5 s", "--depth-noise", "-1 mm"], "--depth-noise"),
+        (["--horizons", "soon"], "--horizons"),
+        (["--horizons", "-5 s"], "times ahead"),
+        (["--horizons", "5 s,5 s"], "times ahead"),
+        (["--horizons", "5 m"], "another kind"),
+        (["--random-walk", "1 cm3/s^0.5"], "belongs to --horizons"),
+        (["--horizons", "5 s", "--random-walk", "1 cm3"], "--random-walk"),
+        (["--horizons", "5 s", "--depth-noise", "-1 mm"], "--depth-noise"),
     ],
 )
 def test_the_command_refuses(written, tmp_path, capsys, options, words):

@@ -84,7 +84,7 @@ def voyage(float_vehicle):
 
 def test_open_loop_agrees_with_scipy(float_vehicle, voyage):
     names = ("start_depth", "start_speed")
-    c = compare(voyage, float_vehicle, fit=names)
+    c = compare(voyage, float_vehicle, free=names)
     assert c.record.drive == "volume"
     assert c.rms < 1e-6
     assert c.n == 300
@@ -116,7 +116,7 @@ def truth(vehicle):
 def test_a_fit_from_far_off_recovers_what_made_the_log(float_vehicle, voyage):
     names = (*ALL, "start_depth", "start_speed")
     assert set(names) | {"neutral_drift"} == set(FITTABLE)
-    c = compare(voyage, astray(float_vehicle), fit=names)
+    c = compare(voyage, astray(float_vehicle), free=names)
     assert c.rms < 1e-5
     for name, value in truth(float_vehicle).items():
         assert c.fitted[name].value == pytest.approx(value, rel=2e-3, abs=1e-9), name
@@ -132,7 +132,7 @@ def test_the_stated_deviation_is_the_one_that_noise_causes(float_vehicle, voyage
         compare(
             replace(voyage, depth=voyage.depth + 0.005 * random.normal(size=300)),
             float_vehicle,
-            fit=names,
+            free=names,
         ).fitted
         for _ in range(30)
     ]
@@ -155,11 +155,11 @@ def test_a_drift_of_the_neutral_volume_is_found(float_vehicle, voyage):
     log = replace(voyage, depth=depth)
     blind = compare(log, float_vehicle)
     assert blind.rms > 0.01
-    c = compare(log, float_vehicle, fit=("neutral_volume", "neutral_drift", "start_speed"))
+    c = compare(log, float_vehicle, free=("neutral_volume", "neutral_drift", "start_speed"))
     assert c.rms < 1e-4
     assert c.fitted["neutral_drift"].value == pytest.approx(drift, rel=1e-3)
-    with refused(InputError, field="fit", value="neutral_drift"):
-        compare(with_reference(log), float_vehicle, drive="setpoint", fit=("neutral_drift",))
+    with refused(InputError, field="free", value="neutral_drift"):
+        compare(with_reference(log), float_vehicle, drive="setpoint", free=("neutral_drift",))
 
 
 def with_reference(log):
@@ -171,7 +171,7 @@ def test_the_zero_of_the_volume_does_not_matter_unless_it_is_known(float_vehicle
     c = compare(shifted, float_vehicle)
     assert c.rms < 1e-6
     assert any("neutral at the first sample" in note for note in c.notes)
-    known = compare(replace(shifted, volume_absolute=True), float_vehicle, fit=("start_speed",))
+    known = compare(replace(shifted, volume_absolute=True), float_vehicle, free=("start_speed",))
     assert known.rms > 0.3
     assert any("beyond the vehicle's stroke" in note for note in known.notes)
 
@@ -179,7 +179,7 @@ def test_the_zero_of_the_volume_does_not_matter_unless_it_is_known(float_vehicle
 def test_a_volume_of_many_strokes_is_in_another_unit(float_vehicle, voyage):
     stroke = float_vehicle.stroke
     share = (stroke.maximum - stroke.minimum) / np.ptp(voyage.volume)
-    compare(replace(voyage, volume=4.9 * share * voyage.volume), float_vehicle, fit=())
+    compare(replace(voyage, volume=4.9 * share * voyage.volume), float_vehicle, free=())
     with refused(LogError, field="volume_m3") as caught:
         compare(replace(voyage, volume=5.1 * share * voyage.volume), float_vehicle)
     assert caught.value.field == "volume_m3"
@@ -200,7 +200,7 @@ def test_a_piston_moves_the_volume_and_its_direction_is_questioned(float_vehicle
 
 def test_the_statistics_are_those_of_their_names(float_vehicle, voyage):
     noisy = replace(voyage, depth=voyage.depth + 0.02 * np.sin(voyage.time))
-    c = compare(noisy, float_vehicle, fit=("start_depth",))
+    c = compare(noisy, float_vehicle, free=("start_depth",))
     table = c.columns()
     off = table["depth_predicted_m"] - noisy.depth
     assert table["residual_m"] == pytest.approx(off, abs=1e-15)
@@ -226,14 +226,14 @@ def test_a_log_that_starts_and_ends_at_the_surface(float_vehicle):
     depth = sail(float_vehicle, time, volume, floating, 0.0)
     assert depth.max() > 1.0
     log = made_log(time, depth, volume=volume, volume_absolute=True)
-    c = compare(log, float_vehicle, fit=())
+    c = compare(log, float_vehicle, free=())
     assert c.record.afloat
     assert c.rms < 1e-5
     assert np.abs(c.residual).max() < 1e-4  # simulated where it is not compared
     assert c.n == (depth >= 0.1).sum() < len(time)
     assert any("emerges" in note for note in c.notes)
-    with refused(InputError, field="fit", value="start_speed"):
-        compare(log, float_vehicle, fit=("start_speed",))
+    with refused(InputError, field="free", value="start_speed"):
+        compare(log, float_vehicle, free=("start_speed",))
 
 
 def test_the_bottom_is_simulated_and_not_compared(float_vehicle):
@@ -249,7 +249,7 @@ def test_the_bottom_is_simulated_and_not_compared(float_vehicle):
     )[1:]
     log = made_log(time, depth, volume=volume, volume_absolute=True)
     assert compare(log, float_vehicle).rms > 0.1
-    c = compare(log, float_vehicle, fit=("start_depth", "start_speed"), bottom_depth=1.4)
+    c = compare(log, float_vehicle, free=("start_depth", "start_speed"), bottom_depth=1.4)
     assert c.n < len(time) - 50
     assert c.rms < 1e-4
     assert any("at the bottom" in note for note in c.notes)
@@ -282,14 +282,14 @@ def test_voltage_drives_the_papers_vehicle(paper_vehicle):
         state = run.y[:, -1]
         depth.append(state[0])
     log = made_log(time, depth, voltage=voltage)
-    c = compare(log, paper_vehicle, fit=("start_speed",))
+    c = compare(log, paper_vehicle, free=("start_speed",))
     assert c.record.drive == "voltage"
     assert c.rms < 2e-4
     assert set(c.columns()) >= {"voltage_V", "volume_predicted_m3"}
     astray = paper_vehicle.model_copy(
         update={"motion": paper_vehicle.motion.model_copy(update={"K2": 6000.0, "T2": 50.0})}
     )
-    found = compare(log, astray, fit=("mass", "drag", "start_speed"))
+    found = compare(log, astray, free=("mass", "drag", "start_speed"))
     assert found.rms < 1e-3
     motion = found.vehicle.motion
     found = [motion.K2, motion.T2]
@@ -343,7 +343,7 @@ def test_the_set_point_drives_the_vehicles_own_controller(float_vehicle):
         piston_absolute=True,
         reference_depth=reference,
     )
-    off = compare(log, float_vehicle, drive="setpoint", fit=("start_depth", "start_speed"))
+    off = compare(log, float_vehicle, drive="setpoint", free=("start_depth", "start_speed"))
     keep = np.delete(np.arange(len(times)), change)
     assert np.abs(off.residual[keep]).max() < 1e-4
     assert off.volume_rms < 2e-7  # it is straight between samples, and the piston is not
@@ -380,8 +380,8 @@ def test_samples_without_input_are_left_out_but_for_short_holes(float_vehicle, v
         ({}, {"drive": "setpoint"}, "no setpoint"),
         ({"volume": None, "voltage": "ones"}, {"drive": "volume"}, "no volume"),
         ({}, {"drive": "thrust"}, "no such input"),
-        ({}, {"fit": ("weight",)}, "cannot be fitted"),
-        ({}, {"fit": ("mass", "mass")}, "twice"),
+        ({}, {"free": ("weight",)}, "cannot be fitted"),
+        ({}, {"free": ("mass", "mass")}, "twice"),
         ({}, {"surface_margin": 50.0}, "too few"),
         ({}, {"bottom_depth": 0.1}, "deeper than the bottom"),
     ],
@@ -419,8 +419,8 @@ def test_a_start_under_water_leaves_out_how_the_vehicle_got_there(float_vehicle)
 
 
 def test_a_vehicle_and_a_log_that_do_not_fit(float_vehicle, paper_vehicle, voyage):
-    with refused(InputError, field="fit", value="drag_quadratic"):
-        compare(voyage, paper_vehicle, fit=("drag_quadratic",))
+    with refused(InputError, field="free", value="drag_quadratic"):
+        compare(voyage, paper_vehicle, free=("drag_quadratic",))
     bare = float_vehicle.model_copy(update={"controller": None})
     with refused(InputError, field="controller"):
         compare(with_reference(voyage), bare, drive="setpoint")
@@ -438,7 +438,7 @@ def test_a_vehicle_and_a_log_that_do_not_fit(float_vehicle, paper_vehicle, voyag
 def test_a_model_that_leaves_the_water_says_so(float_vehicle, voyage):
     light = replace(voyage, volume=voyage.volume + 3e-3)
     with pytest.raises(NoAnswerError, match="left the water"):
-        compare(light, float_vehicle, fit=())
+        compare(light, float_vehicle, free=())
 
 
 def test_names_of_drives():
@@ -465,7 +465,7 @@ def test_mission_47_open_loop_with_one_neutral_volume(data_dir, float_vehicle):
 
 @pytest.mark.data
 def test_mission_47_closed_loop_with_nothing_fitted(data_dir, float_vehicle):
-    c = compare(mission(data_dir, 47), float_vehicle, drive="setpoint", fit=())
+    c = compare(mission(data_dir, 47), float_vehicle, drive="setpoint", free=())
     assert c.rms < 0.021
     assert c.to_dict()["piston_rms_m"] < 0.0011
     assert c.predicted.max() == pytest.approx(1.39, abs=0.05)
@@ -475,7 +475,7 @@ def test_mission_47_closed_loop_with_nothing_fitted(data_dir, float_vehicle):
 @pytest.mark.data
 def test_the_preset_is_what_mission_47_says(data_dir, float_vehicle):
     """The numbers said to be fitted come out of the fit, from a start that is far off."""
-    c = compare(mission(data_dir, 47), astray(float_vehicle), fit=ALL)
+    c = compare(mission(data_dir, 47), astray(float_vehicle), free=ALL)
     assert c.rms < 0.0205
     for name in ALL:
         stated = truth(float_vehicle)[name]
@@ -492,7 +492,7 @@ def test_other_missions_with_the_numbers_of_47(data_dir, float_vehicle, number, 
     log = mission(data_dir, number)
     assert compare(log, float_vehicle, drive="setpoint").rms < closed
     names = ("neutral_volume", "neutral_drift")
-    assert compare(log, float_vehicle, fit=names).rms < drifting
+    assert compare(log, float_vehicle, free=names).rms < drifting
 
 
 @pytest.fixture(scope="module")

@@ -93,7 +93,7 @@ def test_a_hull_follows_the_temperature_by_a_first_order_lag(logs, lag):
 def test_a_cooling_hull_is_followed_by_its_temperature(logs):
     fit = ("neutral_volume", "start_depth", "start_speed")
     met, missed = (
-        np.array([compare(log, v, drive="volume", fit=fit).rms for log in logs])
+        np.array([compare(log, v, drive="volume", free=fit).rms for log in logs])
         for v in (vehicle(), vehicle(0.0))
     )
     assert met.max() < 2.6e-3, "the noise is 2 mm"

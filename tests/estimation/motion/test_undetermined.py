@@ -107,7 +107,7 @@ def test_two_logs_of_rates_tenfold_apart_do_not_give_a_rate():
         for rate in (1e-3, 8e-3)
     ]
     logs = [log_of(time, x + 1e-6 * rng.normal(size=len(x))) for x in moves]
-    found = identify_actuator(logs, asked=["rate"])
+    found = identify_actuator(logs, required=["rate"])
     rate = found.parameters["rate"]
     assert not found.identified
     assert "no end below" in rate.why

@@ -17,7 +17,7 @@ from swimbladder.show.style import plain_log_ticks
 
 @pytest.fixture(scope="module")
 def found():
-    return size(load_vehicle("example-eh"), Dive(depth=800.0))
+    return size(load_vehicle("example-eh"), Dive(max_depth=800.0))
 
 
 def labelled(axis):

@@ -258,7 +258,7 @@ def test_a_stopped_campaign_goes_on_to_the_same_store(job, tmp_path):
 
     again = job(floats=40, seed=2, store=tmp_path / "again" / "campaign.zarr")
     with pytest.raises(KeyboardInterrupt):
-        run(again, Workers(count=1), stop)
+        run(again, Workers(workers=1), stop)
     done = again.done()
     assert 1 <= len(done) < again.count
     before = {n: (again.store / "stop" / "c" / str(n)).stat().st_mtime_ns for n in done}

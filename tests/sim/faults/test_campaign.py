@@ -290,9 +290,9 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
     [
         (FEUP.model_copy(update={"controller": None}), {}, "has no controller"),
         (FEUP, {"missions": 0}, "from 1 to 10 million"),
-        (FEUP, {"depths": (5.0, 2.0)}, "depths that grow"),
-        (FEUP, {"depths": (5.0, 5.0)}, "depths that grow"),
-        (FEUP, {"depths": (5.0, 95.0)}, "turns the vehicle round"),
+        (FEUP, {"depth_range": (5.0, 2.0)}, "depths that grow"),
+        (FEUP, {"depth_range": (5.0, 5.0)}, "depths that grow"),
+        (FEUP, {"depth_range": (5.0, 95.0)}, "turns the vehicle round"),
         (
             FEUP.model_copy(update={"supervisor": Supervisor(time_limit=100.0)}),
             {},
@@ -323,7 +323,7 @@ def test_depths_that_no_rating_limits_say_so():
     """ntnu-bv states none: its stroke and motor give the depth. With a rating there is nothing."""
     vehicle = load_vehicle("ntnu-bv")
     assert (
-        "no rating is stated, give hull.depth_limit or `depths=`"
+        "no rating is stated, give hull.depth_limit or `depth_range=`"
         in course_of(usual(vehicle), None).depths.limit
     )
     rated = vehicle.model_copy(

@@ -462,7 +462,7 @@ def test_a_campaign_of_shallow_dives(tmp_path):
         missions=8,
         healthy=2,
         seed=3,
-        depths=(15.0, 60.0),
+        depth_range=(15.0, 60.0),
         keep=tmp_path / "kept",
     )
     again = faults(
@@ -470,7 +470,7 @@ def test_a_campaign_of_shallow_dives(tmp_path):
         missions=8,
         healthy=2,
         seed=3,
-        depths=(15.0, 60.0),
+        depth_range=(15.0, 60.0),
         keep=tmp_path / "kept",
     )
     assert np.array_equal(flown.faulty.view(float), again.faulty.view(float), equal_nan=True)

@@ -196,7 +196,7 @@ def test_the_command_says_that_board_and_supervisor_fly_it(watched, tmp_path, mo
     answer = json.loads((tmp_path / "o/mission.json").read_text())
     assert answer["supervised"] is True
     assert answer["laws"][0]["sample_time_s"] == 1.0
-    assert main(["mission", "v.toml", "m.toml", "--out", "o", "--without-supervisor"]) == 0
+    assert main(["mission", "v.toml", "m.toml", "--out", "o", "--unsupervised"]) == 0
     assert "law 'rate' flies all phases" in capsys.readouterr().out
     assert json.loads((tmp_path / "o/mission.json").read_text())["supervised"] is False
 

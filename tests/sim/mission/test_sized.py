@@ -16,7 +16,7 @@ from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.flight import fly_mission
 
 BODY = sb.load_vehicle("example-eh")
-DIVE = Dive(depth=1000.0, park_time=9 * 86400.0, cycles=60, surface_energy=300.0)
+DIVE = Dive(max_depth=1000.0, park_time=9 * 86400.0, cycles=60, surface_energy=300.0)
 DOWN = 990.0  # m, of a body rated for 1000 m
 TASK = Mission(
     phases=[
@@ -145,6 +145,8 @@ def test_a_battery_that_time_empties_is_none(cold):
 def test_cold_water_is_assumed_where_nothing_says():
     found = size(BODY, DIVE, sweeps=False, parts=parts())
     assert found.asked.coldest == 4.0
-    warm = size(BODY, dataclasses.replace(DIVE, coldest=20.0), sweeps=False, parts=parts())
+    warm = size(
+        BODY, dataclasses.replace(DIVE, battery_temperature=20.0), sweeps=False, parts=parts()
+    )
     assert warm.evaluation.battery_energy[warm.best] < found.evaluation.battery_energy[found.best]
     assert np.all(warm.evaluation.spent.cold[warm.evaluation.feasible] == 0.0)

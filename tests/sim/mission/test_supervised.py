@@ -187,7 +187,7 @@ def test_the_command_says_who_flies_and_that_it_was_brought_up(tmp_path, monkeyp
     assert answer["alarm"]["reason"] == "time limit"
     assert answer["stop"] == "alarm"
     assert ",alarm," in Path("o/events.csv").read_text()
-    assert main(["mission", "v.toml", "m.toml", "--out", "o", "--without-supervisor"]) == 0
+    assert main(["mission", "v.toml", "m.toml", "--out", "o", "--unsupervised"]) == 0
     assert "law 'cascade' alone flies all phases every 0.3 s" in capsys.readouterr().out
     answer = json.loads(Path("o/mission.json").read_text())
     assert answer["supervised"] is False

@@ -155,7 +155,7 @@ def test_ideal_sensors_and_a_noisy_fit_agree_on_what_is_wrong(vehicle, runs):
     )
     assert known.K2 == pytest.approx(7935.54, rel=0.1)
     ideal = pool.run_procedure(
-        vehicle, pool.pool_parameters(vehicle, dV=45e-6), pool_depth=4.5, seed=None
+        vehicle, pool.pool_parameters(vehicle, dV=45e-6), bottom_depth=4.5, seed=None
     )
     for e in ideal.experiments:
         assert pool.fit_depth(e.record, psi=4.04e-6).K2 == pytest.approx(7935.54, rel=0.01)
@@ -167,16 +167,16 @@ def test_a_piston_left_at_0_V_brings_the_vehicle_back(vehicle):
     with pytest.raises(
         NoAnswerError, match=r"did not end: in step \(b\), .* surface or the bottom"
     ):
-        pool.run_procedure(vehicle, parameters, pool_depth=4.5, seed=None)
+        pool.run_procedure(vehicle, parameters, bottom_depth=4.5, seed=None)
 
 
 def test_a_vehicle_that_does_not_come_to_rest_is_said_not_to(noisy):
     parameters = pool.pool_parameters(noisy, dV=30e-6)._replace(rest_speed=0.0, patience=100.0)
     with pytest.raises(NoAnswerError, match=r"in step \(a\), from 0 s on, .* at rest there"):
-        pool.run_procedure(noisy, parameters, pool_depth=4.5, seed=1)
+        pool.run_procedure(noisy, parameters, bottom_depth=4.5, seed=1)
     with pytest.raises(NoAnswerError, match=r"in step \(.\).*Allow more time"):
         pool.run_procedure(
-            noisy, pool.pool_parameters(noisy, dV=30e-6), pool_depth=4.5, seed=1, duration=200.0
+            noisy, pool.pool_parameters(noisy, dV=30e-6), bottom_depth=4.5, seed=1, duration=200.0
         )
 
 

@@ -274,7 +274,7 @@ def fit_pump(
     runs: PumpRuns,
     *,
     power_at: PowerAt = "mean",
-    shortest: float = 0.0,
+    min_run_time: float = 0.0,
     depth_limit: float | None = None,
     start: bool = True,
     temperature: bool = True,
@@ -288,7 +288,7 @@ def fit_pump(
         As `read_pump_runs` returns them.
     power_at
         Whether a run's power is its mean ("mean") or was read at its end ("end").
-    shortest
+    min_run_time
         Runs shorter than this are left out [s].
     depth_limit
         Of the vehicle [m]; none: pressures are not compared with it.
@@ -315,7 +315,7 @@ def fit_pump(
         what, remedy = "a power is not read then", "Allowed: mean (over the run), end (of it)"
         raise InputError(what, field="power_at", value=power_at, remedy=remedy)
     kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
-    kept &= (runs.duration > 0.0) & (runs.duration >= shortest)
+    kept &= (runs.duration > 0.0) & (runs.duration >= min_run_time)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)

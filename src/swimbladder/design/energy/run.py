@@ -33,21 +33,21 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.design.energy.fit import PumpFit, voltage_factor
 from swimbladder.errors import check_number
-from swimbladder.io.answers import Answer, attributes, plain
+from swimbladder.io.answers import Answer, as_json, attributes, plain
 from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, oil_note, steady_point
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
 from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.steady_drives import SteadyPoint
-from swimbladder.units import rounded
+from swimbladder.units import in_unit, read_numbers, rounded
 from swimbladder.vehicle import Vehicle
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def sea(
     check_cast_unit(cast, deepest, rating)
     whole = cast_column(cast, None)
     if deepest is None and (down is None or whole.deepest <= down):
-        return whole, above_rating(cast.name, whole.deepest, down, "deepest")
+        return whole, above_rating(cast.name, whole.deepest, down, "max_depth")
     return cast_column(cast, down), []
 
 
@@ -187,22 +187,27 @@ def _stages(p: Array, found: DriveMap, point: SteadyPoint) -> dict[str, Array]:
     return {stage: _ratio(np.asarray(out), np.asarray(into), works) for (stage, out), into in pairs}
 
 
-class Thruster(NamedTuple):
-    """One or several equal thrusters."""
+@dataclass(frozen=True)
+class Thruster:
+    """One or several equal thrusters; numbers may be texts with units.
 
-    diameter: float = 0.076  # m, of the propeller; the T200's
-    efficiency: float = 0.35  # -, of the ideal disc's power; the T200's, rounded down
+    Raises InputError where a number makes no sense.
+    """
+
+    diameter: float = in_unit("m", 0.076)  # of the propeller; the T200's
+    efficiency: float = in_unit("", 0.35)  # of the ideal disc's power; the T200's, rounded down
     number: int = 1
-    idle_power: float = 0.0  # W of each while it turns: friction, controller; 0 favours thrusters
+    # of each while it turns: friction, controller; 0 favours thrusters
+    idle_power: float = in_unit("W", 0.0)
 
-    def checked(self) -> Thruster:
-        """Return it; raises InputError where a number makes no sense."""
+    def __post_init__(self) -> None:
+        """Read texts with units, and check."""
+        read_numbers(self)
         check_number(self.diameter, "diameter", "m", above=0.0)
         remedy = 'Give a share above 0 and up to 1; "35 %" is 0.35'
         check_number(self.efficiency, "efficiency", above=0.0, most=1.0, remedy=remedy)
         check_number(self.number, "number", least=1)
         check_number(self.idle_power, "idle_power", "W", least=0.0)
-        return self
 
     def power(self, thrust: Any, density: Any, speed: Any = 0.0) -> Any:
         """Return the electrical power [W] for a `thrust` [N]; arrays too.
@@ -254,7 +259,7 @@ def hovering(found: DriveEnergy, thruster: Thruster, *, weight_error: float) -> 
     check_number(weight_error, "weight_error", "m3", above=0.0)
     column, m = found.column, found.map
     weight = column.density * column.gravity * weight_error
-    power = thruster.checked().power(weight, column.density)
+    power = thruster.power(weight, column.density)
     once = found.per_volume * (weight_error + m.start_volume) - m.start_saving
     hold = m.holding_power + np.where(m.leakage > 0.0, m.leakage * found.per_volume, 0.0)
     spared = power - hold
@@ -275,7 +280,6 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     Raises InputError where the speed is not above 0.
     """
     check_number(speed, "speed", "m/s", above=0.0)
-    thruster = thruster.checked()
     vehicle, column = found.vehicle, found.column
     z = np.linspace(0.0, column.deepest, _POINTS + 1)
     over_depth = (neutral_volume(vehicle, column), column.density)
@@ -418,7 +422,7 @@ class Energy(Answer):
                     "stroke_depth_m": dive.stroke_depth,
                     "break_even_m": dive.break_even,
                 },
-                "thruster": self.thruster._asdict(),
+                "thruster": as_json(self.thruster, "diameter_m efficiency number idle_power_W"),
                 "sentences": self.sentences,
                 "assumptions": self.assumptions,
             }
@@ -430,7 +434,7 @@ def energy(
     vehicle: Vehicle,
     cast: Cast | None = None,
     *,
-    deepest: float | None = None,
+    max_depth: float | None = None,
     weight_error: float = 10e-6,
     speed: float = 0.1,
     thruster: Thruster | None = None,
@@ -443,7 +447,7 @@ def energy(
         As `load_vehicle` returns it.
     cast
         The water, as `read_cast` returns it; none: that of the vehicle's file, of constant density.
-    deepest
+    max_depth
         How deep [m]; none: the vehicle's rating, or where the cast ends above that.
     weight_error
         By which the vehicle is too heavy while it hovers [m3].
@@ -464,7 +468,7 @@ def energy(
     NoAnswerError
         The drive's electrical power is not known.
     """
-    water, warnings = sea(vehicle, cast, deepest)
+    water, warnings = sea(vehicle, cast, max_depth)
     found, thruster = drive_energy(vehicle, water), thruster or Thruster()
     hover = hovering(found, thruster, weight_error=weight_error)
     return Energy(found, hover, profiling(found, thruster, speed=speed), thruster, tuple(warnings))

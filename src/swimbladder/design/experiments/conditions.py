@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 class Setting:
     """Where and how experiments are made. Depths are those of the pressure sensor."""
 
-    pool_depth: float  # m
+    bottom_depth: float  # m
     clearance: float  # m, of all depths of rest and records from surface and bottom
     sample_time: float  # s
     noise: float  # m, white, 1 sigma
@@ -63,7 +63,7 @@ class Setting:
     @property
     def deepest(self) -> float:
         """Depth below which a record ends [m]."""
-        return self.pool_depth - self.clearance
+        return self.bottom_depth - self.clearance
 
     @property
     def depth_noise(self) -> float:

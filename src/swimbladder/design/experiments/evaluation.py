@@ -268,7 +268,7 @@ def deeper(releases: Sequence[Release], c: Conditions, factor: float) -> dict[st
     """Return the shares in a pool that leaves `factor` times the travel, the depths stretched."""
     s = c.setting
     more = (factor - 1.0) * (s.deepest - s.shallowest)
-    pool = c._replace(setting=replace(s, pool_depth=s.pool_depth + more))
+    pool = c._replace(setting=replace(s, bottom_depth=s.bottom_depth + more))
 
     def to(depth: float) -> float:
         return s.shallowest + factor * (depth - s.shallowest)

@@ -215,7 +215,7 @@ class Design(Answer):
         return Plan(
             name=f"experiments for {self.vehicle.name}",
             vehicle=self.vehicle.name,
-            **as_json(s, "pool_depth shallowest deepest sample_time rest"),
+            **as_json(s, "bottom_depth shallowest deepest sample_time rest"),
             depth_noise=s.noise,
             depth_quantum=s.quantum,
             neutral_std=s.neutral_std if math.isfinite(s.neutral_std) else None,
@@ -238,8 +238,8 @@ class Design(Answer):
 
 
 _SETTING = (
-    "pool_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 drift_std_m3_s "
-    "delay_std_s settling_s"
+    "bottom_depth_m shallowest_m deepest_m sample_time_s depth_noise_m neutral_std_m3 "
+    "drift_std_m3_s delay_std_s settling_s"
 )
 
 

@@ -23,8 +23,15 @@ from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
+from swimbladder.estimation.estimates import read_priors, read_values
 from swimbladder.estimation.motion import DELAY_STD, DRIFT_STD, NAMES, NEUTRAL_STD, Prior
-from swimbladder.estimation.motion.problem import Assumed, check_parameters, default_names, model_of
+from swimbladder.estimation.motion.problem import (
+    UNITS,
+    Assumed,
+    check_parameters,
+    default_names,
+    model_of,
+)
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.pool import pool_parameters, run_procedure
 from swimbladder.units import format_quantity
@@ -44,9 +51,9 @@ _LEAST_TRAVEL = 0.2  # m
 def design_experiment(
     vehicle: Vehicle,
     *,
-    pool_depth: float,
-    sensor_std: float | None = None,
-    quantum: float | None = None,
+    bottom_depth: float,
+    depth_noise: float | None = None,
+    depth_quantum: float | None = None,
     sample_time: float | None = None,
     neutral_std: float | None = None,
     drift_std: float | None = None,
@@ -55,14 +62,14 @@ def design_experiment(
     fixed: Mapping[str, float] | None = None,
     priors: Mapping[str, Prior] | None = None,
     drag: str | None = None,
-    time: float | None = None,
-    releases: int | None = None,
+    pool_time: float | None = None,
+    max_experiments: int | None = None,
     clearance: float = 0.75,
     settling: float | None = None,
     rest: float = 5.0,
-    longest: float = 240.0,
-    moves: int = 4,
-    largest: float = math.inf,
+    max_record_time: float = 240.0,
+    max_moves: int = 4,
+    max_volume_change: float = math.inf,
     criterion: str = "largest",
     uncertainty: float | None = None,
     against: Sequence[float] | None = None,
@@ -74,11 +81,11 @@ def design_experiment(
     ----------
     vehicle
         As `load_vehicle` returns it.
-    pool_depth
+    bottom_depth
         Depth of the pool's bottom [m].
-    sensor_std
+    depth_noise
         Of the logged depth, 1 sigma [m]; none: that of the vehicle.
-    quantum
+    depth_quantum
         Of the logged depth [m]; none: that of the vehicle.
     sample_time
         Of the logged depth [s]; none: that of the vehicle's controller, else 0.3 s.
@@ -91,9 +98,9 @@ def design_experiment(
         Of how late the volumes' stamps are, 1 sigma [s].
     free, fixed, priors, drag
         As for `identify`.
-    time
+    pool_time
         In the pool [s]; none: that of the set `against`, else an hour.
-    releases
+    max_experiments
         At most so many; none: as many as the time allows.
     clearance
         Of all records from the bottom and from the surface [m].
@@ -101,11 +108,11 @@ def design_experiment(
         Time until the vehicle is at rest before a release [s]; none: it is simulated.
     rest
         How much of that is on record [s].
-    longest
+    max_record_time
         Length of a record, at most [s].
-    moves
+    max_moves
         Changes of volume in a record, at most.
-    largest
+    max_volume_change
         Change of volume, at most [m3].
     criterion
         What is to be small: largest, D, A, or names of parameters with commas: the largest of
@@ -132,28 +139,28 @@ def design_experiment(
     """
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         model = model_of(vehicle, law=drag, bottom_depth=math.inf)
-        held, known = dict(fixed or {}), dict(priors or {})
+        held, known = read_values(fixed, UNITS), read_priors(priors, UNITS)
         names = tuple(free) if free is not None else default_names(model.law, list(held))
         check_parameters(names, Assumed(held, known), model, voltage=False)
         question = Question(model, names, held, known)
-        settled, how = _settling(vehicle, settling, pool_depth, clearance)
+        settled, how = _settling(vehicle, settling, bottom_depth, clearance)
         noise, neutral, drift = _errors(vehicle)
         s = Setting(
-            pool_depth=pool_depth,
+            bottom_depth=bottom_depth,
             clearance=clearance,
             sample_time=_sample_time(vehicle) if sample_time is None else sample_time,
-            noise=noise if sensor_std is None else sensor_std,
-            quantum=vehicle.sensors.depth_quantum if quantum is None else quantum,
+            noise=noise if depth_noise is None else depth_noise,
+            quantum=vehicle.sensors.depth_quantum if depth_quantum is None else depth_quantum,
             neutral_std=neutral if neutral_std is None else neutral_std,
             drift_std=drift if drift_std is None else drift_std,
             delay_std=delay_std,
             settling=settled,
             rest=rest,
-            longest=longest,
-            largest=largest,
-            moves=moves,
+            longest=max_record_time,
+            largest=max_volume_change,
+            moves=max_moves,
         )
-        _check(s, sensor_std)
+        _check(s, depth_noise)
         advance(0.05)
         limits = ramps(vehicle, s)
         if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
@@ -165,8 +172,10 @@ def design_experiment(
         judged = criterion_of(criterion, question.names)
         finder = Search(conditions=c, vehicles=others, judge=judged)
         rival = _rival(vehicle, against, limits, s)
-        budget = time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
-        chosen = search(finder, budget, releases or _UNLIMITED, lambda part: advance(0.75 * part))
+        budget = pool_time or (sum(finder.of(r).cost for r in rival) if rival else _TIME)
+        chosen = search(
+            finder, budget, max_experiments or _UNLIMITED, lambda part: advance(0.75 * part)
+        )
         ours = evaluate(chosen, c, others)
         advance(0.07)
         theirs = evaluate(rival, c, others) if rival else None
@@ -200,15 +209,17 @@ def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
 
 
 def _settling(
-    vehicle: Vehicle, given: float | None, pool_depth: float, clearance: float
+    vehicle: Vehicle, given: float | None, bottom_depth: float, clearance: float
 ) -> tuple[float, str]:
     """Return the time until a vehicle is at rest [s], and where it comes from."""
     if given is not None:
         check_number(given, "settling", "s", least=0.0)
         return given, "as given"
     try:
-        p = pool_parameters(vehicle, dV=_SETTLING_STEP, pool_depth=pool_depth, clearance=clearance)
-        run = run_procedure(vehicle, p, pool_depth=pool_depth, seed=None)
+        p = pool_parameters(
+            vehicle, dV=_SETTLING_STEP, bottom_depth=bottom_depth, clearance=clearance
+        )
+        run = run_procedure(vehicle, p, bottom_depth=bottom_depth, seed=None)
     except (InputError, NoAnswerError):
         return _SETTLING, "assumed: the procedure cannot be simulated with this vehicle's loop"
     phases, still = pairwise(run.phases), (Does.HOLD, Does.HALT)
@@ -229,29 +240,29 @@ def _sample_time(vehicle: Vehicle) -> float:
     return vehicle.controller.sample_time if vehicle.controller is not None else 0.3
 
 
-def _check(s: Setting, sensor_std: float | None) -> None:
-    """Raise InputError for what no pool or sensor is; sensor_std: the noise where it was given."""
+def _check(s: Setting, depth_noise: float | None) -> None:
+    """Raise InputError for what no pool or sensor is; depth_noise: the noise where it was given."""
     if not (s.noise > 0.0 or s.quantum > 0.0):
-        what = "it must be above 0 where there is no `quantum=`: no sensor is without either"
-        what = "the noise of the depth sensor is not known" if sensor_std is None else what
+        what = "it must be above 0 where there is no `depth_quantum=`: no sensor is without either"
+        what = "the noise of the depth sensor is not known" if depth_noise is None else what
         remedy = "Give it, 1 sigma, like 2 mm: log the vehicle lying on the bottom to see it"
-        raise InputError(what, field="sensor_std", value=sensor_std, unit="m", remedy=remedy)
-    check_number(s.noise, "sensor_std", "m", least=0.0)
-    check_number(s.quantum, "quantum", "m", least=0.0)
+        raise InputError(what, field="depth_noise", value=depth_noise, unit="m", remedy=remedy)
+    check_number(s.noise, "depth_noise", "m", least=0.0)
+    check_number(s.quantum, "depth_quantum", "m", least=0.0)
     check_number(s.sample_time, "sample_time", "s", above=0.0)
     check_number(s.neutral_std, "neutral_std", "m3", above=0.0, finite=False)
     check_number(s.drift_std, "drift_std", "m3/s", least=0.0)
     check_number(s.delay_std, "delay_std", "s", least=0.0)
     check_number(s.clearance, "clearance", "m", above=0.0)
     check_number(s.rest, "rest", "s", least=0.0)
-    check_number(s.longest, "longest", "s", above=FEWEST * s.sample_time)
-    check_number(s.largest, "largest", "m3", above=0.0, finite=False)
-    check_number(s.moves, "moves", "", least=1)
+    check_number(s.longest, "max_record_time", "s", above=FEWEST * s.sample_time)
+    check_number(s.largest, "max_volume_change", "m3", above=0.0, finite=False)
+    check_number(s.moves, "max_moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
         ends = f"{s.clearance:g} m from surface and bottom"
-        what = f"a pool of {s.pool_depth:g} m leaves no travel, {ends}"
+        what = f"a pool of {s.bottom_depth:g} m leaves no travel, {ends}"
         remedy = "Choose a deeper pool or a smaller `clearance=`"
-        raise InputError(what, field="pool_depth", value=s.pool_depth, unit="m", remedy=remedy)
+        raise InputError(what, field="bottom_depth", value=s.bottom_depth, unit="m", remedy=remedy)
 
 
 def _rival(

@@ -195,7 +195,7 @@ def choose(table: Table, budget: float, most: int) -> list[int]:
     if not (table.cost <= budget).any():
         remedy = f"Give at least {table.cost.min() / 60.0:.1f} min, or a shorter `settling=`"
         what, value = "the time is too short for one release", round(budget)
-        raise InputError(what, field="time", value=value, unit="s", remedy=remedy)
+        raise InputError(what, field="pool_time", value=value, unit="s", remedy=remedy)
     found = []
     for guide in (table, table.whole):
         chosen = _greedy(guide, budget, most)

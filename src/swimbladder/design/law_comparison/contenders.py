@@ -127,7 +127,7 @@ def places(
         words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
         if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
             most = top + _UNSTATED
-            words = f"down to {most:g} m, as the vehicle states no rating (`depths=`)"
+            words = f"down to {most:g} m, as the vehicle states no rating (`depth_range=`)"
         if most <= top:
             at = f"{why} at {rounded(reach, 3)} m"
             raise NoAnswerError(f"there is no depth to compare laws at: {at}")
@@ -137,7 +137,7 @@ def places(
         remedy = "Give the least and the greatest, like 0:10"
         raise refused_depths("no range of depths under water", given, remedy)
     if most >= reach and why == _TURNED:
-        raise turned_round(most, reach, "depths")
+        raise turned_round(most, reach, "depth_range")
     if most >= reach:
         raise NoAnswerError(
             f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
@@ -277,7 +277,7 @@ def own(vehicle: Vehicle) -> list[Contender]:
 class Tuner(NamedTuple):
     """What every law is tuned for, as `tune` has it."""
 
-    depths: tuple[float, float]  # m
+    depth_range: tuple[float, float]  # m
     step: tuple[float, float]  # m, of the trials
     sample_time: float | None  # s
     column: Column | None  # the water of the trials

@@ -354,7 +354,7 @@ def compare_laws(
     *,
     laws: Sequence[str] | None = None,
     runs: int = 40,
-    depths: tuple[float, float] | None = None,
+    depth_range: tuple[float, float] | None = None,
     seed: int = 1,
     sample_time: float | None = None,
     scenarios: Sequence[Scenario] | None = None,
@@ -376,7 +376,7 @@ def compare_laws(
         Names of laws; none: all that fit the actuator.
     runs
         Of each scenario, with noise of the vehicle's sensors; 2 or more.
-    depths
+    depth_range
         Least and greatest [m]; none: what rating, stroke and supply allow, and with `supervised`
         the supervisor.
     seed
@@ -419,10 +419,10 @@ def compare_laws(
         raise InputError("must be 0 or more", field="seed", value=seed, remedy="Give `seed=1`")
     everyone = contenders.own(vehicle)
     names, not_compared = contenders.choose_laws(vehicle, laws)
-    where = contenders.places(vehicle, depths, supervised=supervised)
+    where = contenders.places(vehicle, depth_range, supervised=supervised)
     medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
     if column is not None and column.cast is not None:
-        asked = None if depths is None else depths[1]
+        asked = None if depth_range is None else depth_range[1]
         check_cast_unit(column.cast, asked, vehicle.hull.depth_limit)
     placed = [
         contenders.place(one, vehicle, where)

@@ -147,8 +147,7 @@ _AT_LIMIT = 2e-3  # of what is large, that counts as at a limit: tangents stop a
 
 def plan(
     vehicle: Vehicle,
-    start: float,
-    target: float,
+    step: tuple[float, float],
     *,
     goal: str = "time",
     arrive: str | None = None,
@@ -162,8 +161,8 @@ def plan(
     ----------
     vehicle
         As `load_vehicle` returns it.
-    start, target
-        Depths at which it rests [m].
+    step
+        Depths at which it rests, from and to [m].
     goal
         time (the least until it has arrived; of the plans that do, one that moves least volume),
         effort (least volume moved) or energy (least electrical energy into the motor), both at rest
@@ -177,9 +176,9 @@ def plan(
         Called with 1 for every program that was solved.
     **limits
         The other arguments of `task_of`: sample_time [s] and supply [V], the vehicle's where not
-        given; band [-], of the step, to either side of the target, 0.02 unless given; margin [-],
-        share of supply (a positioner: of its speed) and stroke left for feedback; speed_limit
-        [m/s]; bottom_depth [m].
+        given; band [-], of the step, to either side of the target, 0.02 unless given;
+        feedback_reserve [-], share of supply (a positioner: of its speed) and stroke left for
+        feedback; max_speed [m/s]; bottom_depth [m].
 
     Returns
     -------
@@ -194,7 +193,7 @@ def plan(
         It cannot be done, with the limit in the way; or the energy of the motor is not known.
     """
     arrive = _check(goal, arrive, duration)
-    task = task_of(vehicle, start, target, **limits)
+    task = task_of(vehicle, *step, **limits)
     if goal == "energy":
         winding(task)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share

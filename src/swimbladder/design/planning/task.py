@@ -88,8 +88,8 @@ class Limits(TypedDict, total=False):
     sample_time: float | None
     supply: float | None
     band: float
-    margin: float
-    speed_limit: float | None
+    feedback_reserve: float
+    max_speed: float | None
     bottom_depth: float
 
 
@@ -135,15 +135,15 @@ def task_of(
     sample_time: float | None = None,
     supply: float | None = None,
     band: float = 0.02,
-    margin: float = 0.0,
-    speed_limit: float | None = None,
+    feedback_reserve: float = 0.0,
+    max_speed: float | None = None,
     bottom_depth: float = math.inf,
 ) -> Task:
     """Return the task, checked.
 
     start, target [m]. sample_time [s] and supply [V]: the vehicle's where not given. band [-]: of
-    the step, to either side of the target. margin [-]: share of supply (a positioner: of its
-    speed) and stroke left for feedback. speed_limit [m/s]. bottom_depth [m].
+    the step, to either side of the target. feedback_reserve [-]: share of supply (a
+    positioner: of its speed) and stroke left for feedback. max_speed [m/s]. bottom_depth [m].
 
     Raises InputError for what cannot be meant; NoAnswerError where stroke or supply do not hold
     the vehicle at one of the two depths.
@@ -157,11 +157,11 @@ def task_of(
     if vehicle.controller is not None:
         own_law(vehicle)
     check_number(sample_time, "sample_time", "s", above=0.0)
-    if speed_limit is not None:
-        check_number(speed_limit, "speed_limit", "m/s", above=0.0)
+    if max_speed is not None:
+        check_number(max_speed, "max_speed", "m/s", above=0.0)
     for name, share, fits, least in (
         ("band", band, 0.0 < band < 1.0, "more than 0"),
-        ("margin", margin, 0.0 <= margin < 1.0, "0 or more"),
+        ("feedback_reserve", feedback_reserve, 0.0 <= feedback_reserve < 1.0, "0 or more"),
     ):
         if not fits:
             what, remedy = f"must be {least}, and less than the whole", 'Write it like "5 %"'
@@ -187,10 +187,10 @@ def task_of(
     if start == target:
         what, remedy = "start and target are the same depth", 'Give two depths, like "1.5:3 m"'
         raise InputError(what, field="step", value=start, unit="m", remedy=remedy)
-    most = (p.rate if p.positioner else p.supply) * (1.0 - margin)
+    most = (p.rate if p.positioner else p.supply) * (1.0 - feedback_reserve)
     low, high = vehicle.stroke.lowest, vehicle.stroke.highest
-    middle, half = 0.5 * (high + low), 0.5 * (high - low) * (1.0 - margin)
-    fastest = math.inf if speed_limit is None else speed_limit
+    middle, half = 0.5 * (high + low), 0.5 * (high - low) * (1.0 - feedback_reserve)
+    fastest = math.inf if max_speed is None else max_speed
     task = Task(
         vehicle=vehicle,
         plant=p,
@@ -202,7 +202,7 @@ def task_of(
         volume=(middle - half, middle + half),
         speed=(-fastest, fastest),
         depth=(shallowest, deepest),
-        margin=margin,
+        margin=feedback_reserve,
     )
     for depth in (start, target):
         _check_held(task, depth)

@@ -34,8 +34,15 @@ from swimbladder.design.pool_day.segments import (
 )
 from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, judge
 from swimbladder.errors import InputError, LogError, Parameter, check_number
+from swimbladder.estimation.estimates import read_priors, read_values
 from swimbladder.estimation.motion import ExperimentFit, Identification, identify
-from swimbladder.estimation.motion.problem import NAMES, check_names, default_names, model_of
+from swimbladder.estimation.motion.problem import (
+    NAMES,
+    UNITS,
+    check_names,
+    default_names,
+    model_of,
+)
 from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.files import write_atomically
@@ -88,18 +95,18 @@ class Task(NamedTuple):
 
 
 def paper_tasks(
-    vehicle: Vehicle, *, pool_depth: float | None, clearance: float = 0.75
+    vehicle: Vehicle, *, bottom_depth: float | None, clearance: float = 0.75
 ) -> tuple[Task, ...]:
     """Return the paper's eight experiments, smaller where the stroke is too short for them.
 
-    pool_depth: depth of the bottom [m], None where it is not known; clearance: Delta_z [m], of the
-    depths of rest from bottom and surface.
+    bottom_depth [m], None where it is not known; clearance: Delta_z [m], of the depths of rest from
+    bottom and surface.
     """
     top = vehicle.hull.emergence_depth
     deep, shallow, end = None, None, math.inf
-    if pool_depth is not None:
-        clearance = min(clearance, (pool_depth - top) / 4.0)
-        deep, shallow, end = pool_depth - clearance, top + clearance, pool_depth - _MARGIN
+    if bottom_depth is not None:
+        clearance = min(clearance, (bottom_depth - top) / 4.0)
+        deep, shallow, end = bottom_depth - clearance, top + clearance, bottom_depth - _MARGIN
     stroke = vehicle.stroke
     most, least = (vehicle.neutral_volume(top if z is None else z) for z in (deep, shallow))
     room = min(stroke.maximum - most, least - stroke.minimum)
@@ -532,13 +539,13 @@ _STD = 0.02  # of a parameter, to which it is to be known
 def rules_of(
     vehicle: Vehicle,
     *,
-    pool_depth: float | None = None,
+    bottom_depth: float | None = None,
     travel: float = Rules().travel,
     plan: Plan | None = None,
 ) -> Rules:
     """Return by which numbers phases are distinguished.
 
-    pool_depth: of the bottom, None where it is not known; travel: after which an experiment is
+    bottom_depth: of the bottom, None where it is not known; travel: after which an experiment is
     over [m]. A plan says where its records end. Raises InputError for a distance that says
     nothing.
     """
@@ -556,12 +563,12 @@ def rules_of(
         return Rules(change=change, travel=math.inf, turns=True, **ends)
     # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
     shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
-    if pool_depth is not None and pool_depth <= shallowest:
+    if bottom_depth is not None and bottom_depth <= shallowest:
         remedy = f"Give the depth of the bottom, more than {shallowest:.2g} m"
-        what, place = f"too shallow: {further}", "pool_depth"
-        raise InputError(what, field=place, value=pool_depth, unit="m", remedy=remedy)
+        what, place = f"too shallow: {further}", "bottom_depth"
+        raise InputError(what, field=place, value=bottom_depth, unit="m", remedy=remedy)
     surface = vehicle.hull.emergence_depth + 0.1
-    bottom = math.inf if pool_depth is None else pool_depth - 0.05
+    bottom = math.inf if bottom_depth is None else bottom_depth - 0.05
     return Rules(change=change, surface=surface, travel=travel, bottom=bottom)
 
 
@@ -569,44 +576,42 @@ def asked_of(
     vehicle: Vehicle,
     known: Asked,
     *,
-    target: Sequence[Target] | None = None,
-    target_std: float | None = None,
+    target_std: float | Sequence[Target] | None = None,
 ) -> Asked:
     """Return what is to be identified, how well, and what is `known` before.
 
-    target: of each by itself, or target_std [-] of all but psi. Raises InputError for what this
-    vehicle does not have.
+    target_std: of all but psi [-], or of each by itself. Raises InputError for what this vehicle
+    does not have.
     """
+    fixed, priors = read_values(known.fixed, UNITS), read_priors(known.priors, UNITS)
+    known = replace(known, fixed=fixed, priors=priors)
     model = model_of(vehicle, law=known.drag, bottom_depth=math.inf)
     chosen = default_names(model.law, list(known.fixed)) if known.free is None else known.free
     for name, given in (("free", chosen), ("fixed", known.fixed), ("priors", known.priors)):
         check_names(tuple(given), model, voltage=False, option=name)
     check_std("neutral_std", known.neutral_std, "m3")
     check_nuisances(known.drift_std, known.delay_std)
-    return replace(known, targets=_targets(target, target_std, chosen))
+    return replace(known, targets=_targets(target_std, chosen))
 
 
-def _targets(
-    given: Sequence[Target] | None, each: float | None, names: Sequence[str]
-) -> tuple[Target, ...]:
-    if given is None:
-        share = _STD if each is None else each
+def _targets(given: float | Sequence[Target] | None, names: Sequence[str]) -> tuple[Target, ...]:
+    if given is None or isinstance(given, float | int):
+        share = _STD if given is None else given
         _check_share("target_std", share)
         main = [name for name in ("K2", "T2", "mass") if name in names]
         if "mass" in main or not main:
             main = [name for name in names if name != "psi"]
         return tuple(Target(name, share) for name in main)
-    if each is not None:
-        what, remedy = "each is said by itself already", "Give one of the two"
-        raise InputError(what, field="target_std", value=each, remedy=remedy)
     for one in given:
         if one.name not in names:
             remedy = f"Choose from {', '.join(names)}"
-            raise InputError("it is not identified", field="target", value=one.name, remedy=remedy)
+            raise InputError(
+                "it is not identified", field="target_std", value=one.name, remedy=remedy
+            )
         if one.relative:
-            _check_share("target", one.std)
+            _check_share("target_std", one.std)
         unit, remedy = NAMES[one.name].unit, "Give a standard deviation, or a share like 2 %"
-        check_number(one.std, "target", unit, above=0.0, finite=False, remedy=remedy)
+        check_number(one.std, "target_std", unit, above=0.0, finite=False, remedy=remedy)
     return tuple(given)
 
 

@@ -150,7 +150,9 @@ class Performed(NamedTuple):
 class Operator:
     """Does one experiment after the other, each from where the one before ended."""
 
-    def __init__(self, believed: Vehicle, truth: Vehicle, *, pool_depth: float, seed: int) -> None:
+    def __init__(
+        self, believed: Vehicle, truth: Vehicle, *, bottom_depth: float, seed: int
+    ) -> None:
         """Put the vehicle on the bottom.
 
         Raises InputError where the procedure cannot be done with this vehicle.
@@ -163,10 +165,15 @@ class Operator:
             what = "its actuator does not take the commands of the believed vehicle"
             remedy = "Give one with the same kind of actuator"
             raise InputError(what, field="truth", value=truth.name, remedy=remedy)
-        self.believed, self.truth, self.pool_depth, self.seed = believed, truth, pool_depth, seed
+        self.believed, self.truth, self.bottom_depth, self.seed = (
+            believed,
+            truth,
+            bottom_depth,
+            seed,
+        )
         self._time, self._runs = 0.0, 0
-        self._depth, self._speed = pool_depth, 0.0
-        neutral = truth.neutral_volume(pool_depth)
+        self._depth, self._speed = bottom_depth, 0.0
+        neutral = truth.neutral_volume(bottom_depth)
         self._volume = neutral - _SINK * (neutral - truth.stroke.minimum)
 
     def perform(self, task: Task) -> Performed:
@@ -185,12 +192,12 @@ class Operator:
 
         s = simulate(
             self.truth,
-            setpoints=[(0.0, self.pool_depth)],
+            setpoints=[(0.0, self.bottom_depth)],
             duration=_PATIENCE + task.longest + 120.0,
             start_depth=self._depth,
             start_speed=self._speed,
             start_volume=self._volume,
-            bottom_depth=self.pool_depth,
+            bottom_depth=self.bottom_depth,
             seed=self.seed + self._runs,
             law=law,
             sample_time=self.believed.controller.sample_time,
@@ -392,11 +399,16 @@ _IDLE = 4.0  # times what reading it takes, at least
 _BURST = 1.0  # s of a rehearsal's clock between two reads
 
 
-def check_waiting(*, timeout: float | None = None, speed: float | None = None) -> None:
-    """Raise InputError for a time or a speed with which nothing comes; None: any."""
+def check_waiting(*, timeout: float | None = None, real_time_factor: float | None = None) -> None:
+    """Raise InputError for a time or a factor with which nothing comes; None: any."""
     for field, value, unit, remedy in (
         ("timeout", timeout, "s", "Give a time, or do not wait where a log is finished"),
-        ("speed", speed, "", "Give simulated seconds a second, or leave it out"),
+        (
+            "real_time_factor",
+            real_time_factor,
+            "",
+            "Give simulated seconds a second, or leave it out",
+        ),
     ):
         if value is not None:
             check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
@@ -466,7 +478,7 @@ def rehearse(
     speed: simulated seconds a second, inf for no waiting. whole: the log of all of it, as far as
     it has come. Raises NoAnswerError where the vehicle does not come to rest or does not arrive.
     """
-    check_waiting(speed=speed)
+    check_waiting(real_time_factor=speed)
     yield from day.begin_log("rehearsal")
     command = "voltage_V" if day.vehicle.voltage_driven else "reference_volume_m3"
     names = ("time_s", "depth_m", "volume_m3", command)

@@ -28,6 +28,7 @@ from swimbladder.physics.electric import (
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import terminal_power
+from swimbladder.units import read_numbers
 from swimbladder.vehicle import Vehicle, Water
 
 # Bounds of a dive's numbers, as `check_number` takes them.
@@ -39,24 +40,24 @@ _SHARE: dict[str, Any] = {"most": 1.0, "remedy": 'Write a share like "10 %", whi
 class Dive:
     """The dive that is asked for, and how well the vehicle is known.
 
-    Depth [m], speed down and up [m/s], turn_time: from sinking to rising at depth [s], trim: 1
-    sigma of the neutral volume [m3], probability that the stroke covers it [-], freeboard: volume
-    that lifts the antenna [m3], reserve of the stroke [-], cycles, park_time per cycle [s], hotel
-    load [W], surface_energy per cycle [J]. battery_low: share of the voltage at which it still has
-    to work [-]; stall_reserve: how much deeper than `depth` the motor has to hold, as a share [-].
-    corrections: share by which a flown dive takes longer and more energy than the straight one [-];
-    surface_time per cycle [s]; battery_reserve: share of the battery that is not flown with [-].
-    coldest: of the water on the way [degC]; None: as the column of water has it.
-    Raises InputError where a number cannot be.
+    max_depth [m], speed down and up [m/s], turn_time: from sinking to rising at depth [s],
+    trim_std: 1 sigma of the neutral volume [m3], probability that the stroke covers it [-],
+    antenna_volume: that lifts the antenna [m3], stroke_reserve [-], cycles, park_time per cycle
+    [s], hotel load [W], surface_energy per cycle [J]. battery_low: share of the voltage at which it
+    still has to work [-]; stall_reserve: how much deeper than `max_depth` the motor has to hold, as
+    a share [-]. corrections: share by which a flown dive takes longer and more energy than the
+    straight one [-]; surface_time per cycle [s]; battery_reserve: share of the battery that is not
+    flown with [-]. battery_temperature: of the coldest water on the way [degC]; None: as the column
+    of water has it. Each may be a text with a unit. Raises InputError where a number cannot be.
     """
 
-    depth: float = field(metadata={"unit": "m", **_ABOVE})
+    max_depth: float = field(metadata={"unit": "m", **_ABOVE})
     speed: float = field(default=0.1, metadata={"unit": "m/s", **_ABOVE})
     turn_time: float = field(default=600.0, metadata={"unit": "s", **_ABOVE})
-    trim: float = field(default=20e-6, metadata={"unit": "m3", **_LEAST})
+    trim_std: float = field(default=20e-6, metadata={"unit": "m3", **_LEAST})
     probability: float = field(default=0.95, metadata=_ABOVE | _SHARE)
-    freeboard: float = field(default=0.0, metadata={"unit": "m3", **_LEAST})
-    reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
+    antenna_volume: float = field(default=0.0, metadata={"unit": "m3", **_LEAST})
+    stroke_reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
     cycles: int = field(default=200, metadata=_ABOVE)
     park_time: float = field(default=0.0, metadata={"unit": "s", **_LEAST})
     hotel: float = field(default=0.02, metadata={"unit": "W", **_LEAST})
@@ -64,11 +65,12 @@ class Dive:
     corrections: float = field(default=0.2, metadata=_LEAST | _SHARE)
     surface_time: float = field(default=900.0, metadata={"unit": "s", **_LEAST})
     battery_reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
-    coldest: float | None = field(default=None, metadata={"unit": "degC", **_WATER})
+    battery_temperature: float | None = field(default=None, metadata={"unit": "degC", **_WATER})
     battery_low: float = field(default=0.8, metadata=_ABOVE | _SHARE)
     stall_reserve: float = field(default=0.25, metadata=_LEAST)
 
     def __post_init__(self) -> None:
+        read_numbers(self)
         for bounded in fields(self):
             name, value = bounded.name, getattr(self, bounded.name)
             if value is not None:
@@ -78,10 +80,19 @@ class Dive:
                 what, remedy = "a share below the whole is needed", 'Write a share like "10 %"'
                 raise InputError(what, field=name, value=1.0, remedy=remedy)
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return its numbers, with their units in the names."""
+        return {self.called(one.name): getattr(self, one.name) for one in fields(self)}
+
+    def called(self, name: str) -> str:
+        """Return what one of its numbers is called in an answer: ``max_depth_m``."""
+        unit = self.__dataclass_fields__[name].metadata.get("unit")
+        return f"{name}_{unit.replace('/', '_')}" if unit else name
+
     @property
     def cycle_time(self) -> float:
         """Time of a cycle: down, parked, up and at the surface [s]."""
-        way = 2.0 * self.depth / self.speed * (1.0 + self.corrections)
+        way = 2.0 * self.max_depth / self.speed * (1.0 + self.corrections)
         return way + self.park_time + self.surface_time
 
 
@@ -121,13 +132,13 @@ class Requirements:
         """What the stroke is made of [m3]."""
         spread = float(np.ptp(self.neutral))
         total = spread + 2.0 * self.drive + 2.0 * self.trim
-        freeboard = self.stroke / (1.0 + self.dive.reserve) - total
+        freeboard = self.stroke / (1.0 + self.dive.stroke_reserve) - total
         return {
             "water and hull": spread,
             "speed down and up": 2.0 * self.drive,
             "trim not known": 2.0 * self.trim,
             "freeboard": max(freeboard, 0.0),
-            "reserve": self.stroke * (1.0 - 1.0 / (1.0 + self.dive.reserve)),
+            "reserve": self.stroke * (1.0 - 1.0 / (1.0 + self.dive.stroke_reserve)),
         }
 
 
@@ -143,11 +154,11 @@ def requirements(body: Vehicle, column: Column, dive: Dive) -> Requirements:
     does not keep up with it sinks ever faster. Raises InputError where the
     column ends above the depth.
     """
-    if column.depth[-1] < dive.depth * (1.0 - 1e-9):
+    if column.depth[-1] < dive.max_depth * (1.0 - 1e-9):
         what = f"the water is known down to {column.depth[-1]:.6g} m only"
         remedy = "Give a cast that reaches the depth, or a smaller depth"
-        raise InputError(what, field="depth", value=dive.depth, unit="m", remedy=remedy)
-    grid = np.linspace(0.0, dive.depth, _PLACES)
+        raise InputError(what, field="max_depth", value=dive.max_depth, unit="m", remedy=remedy)
+    grid = np.linspace(0.0, dive.max_depth, _PLACES)
     at = np.interp(grid, column.depth, neutral_volume(body, column))
     neutral = at - at[0]
     pressure = np.interp(grid, column.depth, column.pressure)
@@ -155,20 +166,20 @@ def requirements(body: Vehicle, column: Column, dive: Dive) -> Requirements:
     light = float(density.min()) * column.gravity
     down, up = (abs(drag_force(body.drag, w)) / light for w in (dive.speed, -dive.speed))
     drive = 0.5 * (down + up)
-    trim = NormalDist().inv_cdf(0.5 + 0.5 * dive.probability) * dive.trim
+    trim = NormalDist().inv_cdf(0.5 + 0.5 * dive.probability) * dive.trim_std
     lowest = float(neutral.min()) - down - trim
-    highest = max(float(neutral.max()) + up, dive.freeboard) + trim
-    stroke = (highest - lowest) * (1.0 + dive.reserve)
+    highest = max(float(neutral.max()) + up, dive.antenna_volume) + trim
+    stroke = (highest - lowest) * (1.0 + dive.stroke_reserve)
     moved = np.zeros_like(grid)
     moved[-1] = 2.0 * drive
     change = np.diff(neutral)
     moved[1:] += np.maximum(change, 0.0)  # on the way down: a hull that gives way, trapped air
     moved[:-1] += np.maximum(-change, 0.0)  # on the way up
-    moved[0] += max(dive.freeboard - up, 0.0)
-    way = column.temperature[column.depth <= dive.depth]
+    moved[0] += max(dive.antenna_volume - up, 0.0)
+    way = column.temperature[column.depth <= dive.max_depth]
     return Requirements(
         dive=dive,
-        coldest=float(way.min()) if dive.coldest is None else dive.coldest,
+        coldest=float(way.min()) if dive.battery_temperature is None else dive.battery_temperature,
         depth=grid,
         pressure=pressure,
         moved=moved,
@@ -176,7 +187,7 @@ def requirements(body: Vehicle, column: Column, dive: Dive) -> Requirements:
         drive=drive,
         trim=trim,
         stroke=stroke,
-        lowest=lowest - (highest - lowest) * dive.reserve / 2.0,
+        lowest=lowest - (highest - lowest) * dive.stroke_reserve / 2.0,
         rate=max(2.0 * drive / dive.turn_time, float(np.max(change / np.diff(grid))) * dive.speed),
     )
 
@@ -321,7 +332,7 @@ def _at_pace(
 ) -> Evaluation:
     """Return how each does at its pace [n]; largest rate and stall do not depend on it."""
     dive = asked.dive
-    longest_travel, largest_mass, largest_stroke = limits
+    piston_stroke, max_mass, largest_stroke = limits
     b: Any = batch  # the functions of `electric` take arrays for constants too
     rate = pace[:, np.newaxis] * asked.rate
     z = asked.pressure[np.newaxis, :] / water.specific_weight
@@ -377,11 +388,11 @@ def _at_pace(
             "pump speed": b.number("pump", "largest_speed") / speed,
             "screw force": b.number("screw", "largest_force") / force,
             "gear torque": b.number("gear", "rated_torque") / output,
-            "piston travel": longest_travel / travel,
+            "piston travel": piston_stroke / travel,
             "battery life": spent.life,
             "stroke": np.full(len(mass), largest_stroke / stroke),
             # with a battery that cannot be, it is that which is in the way
-            "mass": np.where(np.isfinite(mass), largest_mass / mass, np.inf),
+            "mass": np.where(np.isfinite(mass), max_mass / mass, np.inf),
         }
     fastest = _largest_rate(b, z[:, -1], available)
     return Evaluation(

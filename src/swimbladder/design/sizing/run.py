@@ -54,10 +54,10 @@ _ROOM = 0.5  # of the body: what the drive lets in has to find room inside, besi
 # at 1000 m (Talley et al., "Descriptive Physical Oceanography", 6th ed. 2011, ch. 4)
 _COLDEST = 4.0
 _SWEPT = {
-    "depth": (0.5, 0.75, 1.0, 1.25, 1.5, 2.0),
+    "max_depth": (0.5, 0.75, 1.0, 1.25, 1.5, 2.0),
     "turn_time": (0.25, 0.5, 1.0, 2.0, 4.0),
     "speed": (0.5, 0.75, 1.0, 1.5, 2.0),
-    "trim": (0.0, 0.5, 1.0, 2.0, 4.0),
+    "trim_std": (0.0, 0.5, 1.0, 2.0, 4.0),
     "cycles": (0.25, 0.5, 1.0, 2.0, 4.0),
 }
 
@@ -97,7 +97,7 @@ class Sizing(Answer):
     column: Column
     asked: Requirements
     parts: Parts
-    least: Least
+    goal: Least
     batch: Batch
     evaluation: Evaluation
     best: int
@@ -126,9 +126,9 @@ def size(
     *,
     column: Column | None = None,
     parts: Parts | None = None,
-    least: Least = "mass",
-    longest_travel: float = 0.6,
-    largest_mass: float = math.inf,
+    goal: Least = "mass",
+    max_piston_stroke: float = 0.6,
+    max_mass: float = math.inf,
     sweeps: bool = True,
     advance: Advance = silent,
 ) -> Sizing:
@@ -145,11 +145,11 @@ def size(
         The water, as `cast_column` returns it; none: that of the body, with a battery at 4 degC.
     parts
         As `load_parts` returns them; none: those that come with swimbladder.
-    least
+    goal
         What is to be least: mass or energy.
-    longest_travel
+    max_piston_stroke
         Of a piston [m].
-    largest_mass
+    max_mass
         Of drive and battery [kg], which the body bounds too, as its volume does the stroke.
     sweeps
         Whether to vary what the dive asks for as well.
@@ -169,38 +169,38 @@ def size(
         No combination will do: which requirement is in the way, and by how much.
     """
     parts = load_parts() if parts is None else parts
-    if column is None and dive.coldest is None:
-        dive = dataclasses.replace(dive, coldest=_COLDEST)
-    if least not in get_args(Least):
-        what = "not something to be least"
-        raise InputError(what, field="least", value=least, remedy="Allowed: mass, energy")
-    _check(body, dive, longest_travel, largest_mass)
+    if column is None and dive.battery_temperature is None:
+        dive = dataclasses.replace(dive, battery_temperature=_COLDEST)
+    if goal not in get_args(Least):
+        what = "no such goal"
+        raise InputError(what, field="goal", value=goal, remedy="Allowed: mass, energy")
+    _check(body, dive, max_piston_stroke, max_mass)
     batch = combinations(parts, body.water)
 
     def water(swept: Dive) -> Column:
-        return column or uniform_column(body.water, swept.depth * 1.001)
+        return column or uniform_column(body.water, swept.max_depth * 1.001)
 
     def solve(swept: Dive) -> tuple[Requirements, Evaluation]:
         asked = requirements(body, water(swept), swept)
-        room = min(largest_mass, weight_mass(body)), _ROOM * body.hull.displaced_volume
-        return asked, evaluate(batch, asked, body.water, (longest_travel, *room))
+        room = min(max_mass, weight_mass(body)), _ROOM * body.hull.displaced_volume
+        return asked, evaluate(batch, asked, body.water, (max_piston_stroke, *room))
 
     asked, evaluation = solve(dive)
     advance(1.0)
-    score = _score(evaluation, least)
+    score = _score(evaluation, goal)
     if not np.any(evaluation.feasible):
         raise _none(batch, evaluation, dive)
     best = _best(batch, evaluation, score)
     deepest, swept = math.inf if column is None else column.deepest, []
     for what in _SWEPT if sweeps else ():
-        swept.append(_sweep(what, _dives(dive, what, deepest), solve, batch, least))
+        swept.append(_sweep(what, _dives(dive, what, deepest), solve, batch, goal))
         advance(1.0)
     return Sizing(
         body=body,
         column=water(dive),
         asked=asked,
         parts=parts,
-        least=least,
+        goal=goal,
         batch=batch,
         evaluation=evaluation,
         best=best,
@@ -210,19 +210,19 @@ def size(
     )
 
 
-def _check(body: Vehicle, dive: Dive, longest_travel: float, largest_mass: float) -> None:
+def _check(body: Vehicle, dive: Dive, max_piston_stroke: float, max_mass: float) -> None:
     limit = body.hull.depth_limit
-    if limit is not None and dive.depth > limit:
+    if limit is not None and dive.max_depth > limit:
         what = f"the body {body.name!r} is rated for {limit:g} m (hull.depth_limit)"
         remedy = "Ask for less, or size the drive of a body that is rated for it"
-        raise InputError(what, field="depth", value=dive.depth, unit="m", remedy=remedy)
-    check_number(longest_travel, "longest_travel", "m", above=0.0, finite=False)
-    check_number(largest_mass, "largest_mass", "kg", above=0.0, finite=False)
+        raise InputError(what, field="max_depth", value=dive.max_depth, unit="m", remedy=remedy)
+    check_number(max_piston_stroke, "max_piston_stroke", "m", above=0.0, finite=False)
+    check_number(max_mass, "max_mass", "kg", above=0.0, finite=False)
 
 
-def _score(evaluation: Evaluation, least: Least) -> NDArray[np.float64]:
+def _score(evaluation: Evaluation, goal: Least) -> NDArray[np.float64]:
     """What is to be small, infinite for what does not do; ties go to the lighter."""
-    first = evaluation.mass if least == "mass" else evaluation.cycle_energy + 1e-6 * evaluation.mass
+    first = evaluation.mass if goal == "mass" else evaluation.cycle_energy + 1e-6 * evaluation.mass
     return np.where(evaluation.feasible, first, np.inf)
 
 
@@ -274,15 +274,15 @@ def _dives(dive: Dive, what: str, deepest: float) -> list[Dive]:
     if what == "cycles":
         values = [max(round(value), 1) for value in values]
     dives = [dataclasses.replace(dive, **{what: value}) for value in values]
-    return [one for one in dives if what != "depth" or one.depth <= deepest]
+    return [one for one in dives if what != "max_depth" or one.max_depth <= deepest]
 
 
-def _sweep(what: str, dives: list[Dive], solve: Solve, batch: Batch, least: Least) -> Sweep:
+def _sweep(what: str, dives: list[Dive], solve: Solve, batch: Batch, goal: Least) -> Sweep:
     """Return the best drive for each of the dives, which differ in one number."""
     rows = []
     for dive in dives:
         asked, evaluation = solve(dive)
-        score = _score(evaluation, least)
+        score = _score(evaluation, goal)
         best = int(np.argmin(score))
         mass, energy, drive = math.nan, math.nan, "none"
         if math.isfinite(score[best]):
@@ -315,7 +315,7 @@ def _none(batch: Batch, evaluation: Evaluation, dive: Dive) -> NoAnswerError:
     if helps:
         alone = f"Left out one at a time, these requirements leave drives: {', '.join(helps)}"
     return NoAnswerError(
-        f"none of {len(batch.of):,} drives does {dive.depth:g} m: the nearest "
+        f"none of {len(batch.of):,} drives does {dive.max_depth:g} m: the nearest "
         f"({_brief(batch.of[nearest])}) has {100.0 * short:.0f} % of {REQUIREMENTS[missing]}. "
         f"{alone}. A longer turn time, a slower dive, less trim to cover or stronger parts "
         "(`parts=`) make it easier."
@@ -333,7 +333,7 @@ _YEAR = 365.25 * 86400.0  # s
 def _sentences(found: Sizing) -> list[str]:
     """Return the answer: the drive, the stroke, what it takes, what limits it."""
     w, b, asked, dive = found.evaluation, found.best, found.asked, found.asked.dive
-    c = found.chosen
+    c, depth = found.chosen, f"{dive.max_depth:g} m"
     named = ((what, name) for what, name in c.choices.items() if what != "kind")
     parts = ", ".join(name if name.startswith(what) else f"{what} {name}" for what, name in named)
     feasible = int(np.count_nonzero(w.feasible))
@@ -343,11 +343,11 @@ def _sentences(found: Sizing) -> list[str]:
     volumes = asked.shares.items()
     shares = ", ".join(f"{name} {V * 1e6:.0f}" for name, V in volumes if V > 0.0)
     lines = [
-        f"{feasible:,} of {len(found.batch.of):,} drives do {dive.depth:g} m; least {found.least}: "
+        f"{feasible:,} of {len(found.batch.of):,} drives do {depth}; least {found.goal}: "
         f"{c.kind}, {parts}.",
         f"Stroke {asked.stroke * 1e6:.0f} cm3 ({shares} cm3), neutral at the surface "
         f"{-asked.lowest * 1e6:.0f} cm3 above the inner stop.",
-        f"At {dive.depth:g} m ({asked.bottom_pressure / 1e5:.0f} bar) it presses out "
+        f"At {depth} ({asked.bottom_pressure / 1e5:.0f} bar) it presses out "
         f"{w.rate[b] * 1e6 * 60.0:.1f} mL/min with {w.voltage[b]:.1f} V and {w.current[b]:.2f} A, "
         f"{w.energy_per_volume[b] * 1e-6:.1f} J/mL; at the voltage of a low battery it turns from "
         f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
@@ -363,7 +363,7 @@ def _sentences(found: Sizing) -> list[str]:
         lines.append(f"The water has one density at every depth: {more}.")
     if w.holding_power[b] > 0.0 and dive.park_time > 0.0:
         takes = f"{w.holding_power[b]:.2f} W, which is in the energy of a cycle"
-        lines.append(f"The screw can be driven back: holding it at {dive.depth:g} m takes {takes}.")
+        lines.append(f"The screw can be driven back: holding it at {depth} takes {takes}.")
     return lines
 
 
@@ -402,7 +402,7 @@ def sized_vehicle(found: Sizing) -> Vehicle:
     """
     asked, c, body = found.asked, found.chosen, found.body
     half = 0.5 * asked.stroke
-    source = f"sized: least {found.least} of {len(found.batch.of):,} combinations"
+    source = f"sized: least {found.goal} of {len(found.batch.of):,} combinations"
     mass = rounded(float(found.evaluation.battery_mass[found.best]), 2)
     shares = [f"{name} {volume * 1e6:.0f} cm3" for name, volume in asked.shares.items()]
     provenance = {k: x for k, x in body.provenance.items() if k.split(".")[0] not in _REPLACED}
@@ -430,8 +430,8 @@ def sized_vehicle(found: Sizing) -> Vehicle:
         body.model_dump(exclude=exclude, exclude_unset=True)
         | {
             "schema_version": 1,
-            "name": f"{body.name}-{asked.dive.depth:g}m",
-            "description": f"{body.name} with a drive sized for {asked.dive.depth:g} m",
+            "name": f"{body.name}-{asked.dive.max_depth:g}m",
+            "description": f"{body.name} with a drive sized for {asked.dive.max_depth:g} m",
             "provenance": provenance,
             "water": body.water.model_copy(update=surface),
             "actuator": _as_built(found),
@@ -465,6 +465,7 @@ def _as_built(found: Sizing) -> PumpAndValve | ElectromechanicalActuator:
     )
 
 
+_SWEEP = "what values mass_kg cycle_energy_J stroke_m3 drive"
 # Arrays of an evaluation, by the name that a table has for each.
 _NUMBERS = {
     "mass": "mass_kg",
@@ -499,14 +500,14 @@ def columns(found: Sizing) -> dict[str, list[Any]]:
 
 def _numbers(found: Sizing) -> dict[str, Any]:
     """Return the whole answer in SI units."""
-    w, asked = found.evaluation, found.asked
+    w, asked, dive = found.evaluation, found.asked, found.asked.dive.called
 
     def choice(one: Choice) -> dict[str, Any]:
         done = one.index >= 0
         return {
             **as_json(one, "what name"),
-            "mass": float(w.mass[one.index]) if done else math.nan,
-            "cycle_energy": float(w.cycle_energy[one.index]) if done else math.nan,
+            "mass_kg": float(w.mass[one.index]) if done else math.nan,
+            "cycle_energy_J": float(w.cycle_energy[one.index]) if done else math.nan,
             "missing": one.missing or None,
             "margin": None if done else one.margin,
         }
@@ -514,10 +515,11 @@ def _numbers(found: Sizing) -> dict[str, Any]:
     return {
         "body": found.body.name,
         "water": found.column.source,
-        **as_json(found, "least sweeps"),
-        **as_json(asked, "dive stroke stroke_shares=shares pressure=bottom_pressure"),
-        "neutral_above_inner_stop": -asked.lowest,
-        "least_rate": asked.rate,
+        "goal": found.goal,
+        "sweeps": [as_json(sweep, _SWEEP) | {"what": dive(sweep.what)} for sweep in found.sweeps],
+        **as_json(asked, "dive stroke_m3 stroke_shares_m3=shares pressure_Pa=bottom_pressure"),
+        "neutral_above_inner_stop_m3": -asked.lowest,
+        "least_rate_m3_s": asked.rate,
         "combinations": len(found.batch.of),
         "feasible": int(np.count_nonzero(w.feasible)),
         "chosen": _one(found, found.best),
@@ -529,10 +531,12 @@ def _numbers(found: Sizing) -> dict[str, Any]:
 
 def _one(found: Sizing, index: int) -> dict[str, Any]:
     w = found.evaluation
-    numbers = {name: float(getattr(w, name)[index]) for name in _NUMBERS if name != "speed"}
+    numbers = {
+        key: float(getattr(w, one)[index]) for one, key in _NUMBERS.items() if one != "speed"
+    }
     return {
         "parts": found.batch.of[index].choices,
-        **{"stall_depth" if name == "stall" else name: x for name, x in numbers.items()},
-        "battery": _spent(found, index),
+        **numbers,
+        "battery": {f"{name}_J": energy for name, energy in _spent(found, index).items()},
         "margins": {name: float(margin[index]) for name, margin in w.margins.items()},
     }

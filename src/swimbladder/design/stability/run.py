@@ -22,10 +22,10 @@ from swimbladder.design.stability.around import (
     Decided,
     RobustnessTrial,
     around_decisions,
-    robustness,
     robustness_around,
     wrapped,
 )
+from swimbladder.design.stability.around import robustness as with_errors
 from swimbladder.design.stability.cycles import (
     Confirmed,
     Held,
@@ -283,15 +283,15 @@ _ENDLESS = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
 def stability(
     vehicle: Vehicle,
     *,
-    depths: tuple[float, float] = (0.0, 10.0),
+    depth_range: tuple[float, float] = (0.0, 10.0),
     delay: float = 0.1,
     within: float | None = None,
     cells: int = 21,
     voltage_quantum: float = 0.0,
     maps: bool = True,
-    with_robustness: bool = False,
+    robustness: bool = False,
     laws: Sequence[str] = (),
-    draws: int = 200,
+    runs: int = 200,
     supervised: bool | None = None,
     keep: Path | None = None,
     advance: Advance = silent,
@@ -302,7 +302,7 @@ def stability(
     ----------
     vehicle
         As `load_vehicle` returns it, with a controller.
-    depths
+    depth_range
         Least and greatest [m].
     delay
         From a sample to its command, as a share of the sample time [-], below 1.
@@ -315,13 +315,13 @@ def stability(
         Of the motor's driver [V].
     maps
         Whether to draw where it recovers from.
-    with_robustness
-        Whether to try wrong gains and late commands, over `draws` from the region; of the own law,
+    robustness
+        Whether to try wrong gains and late commands, over `runs` from the region; of the own law,
         and of `laws`.
     laws
         Names of other laws, which are tuned first.
-    draws
-        Vehicles from the region, 20 or more.
+    runs
+        Of each case, with vehicles from the region, 20 or more.
     supervised
         Whether maps and wrong gains fly under the vehicle's supervisor, as flashed; none: where its
         file has one. Those of a law of volume changes never do.
@@ -343,13 +343,14 @@ def stability(
     NoAnswerError
         One of `laws` cannot be tuned for this vehicle.
     """
+    depths = depth_range
     gains.check_depths(depths, vehicle.hull.emergence_depth)
     for field, value, fits, remedy in (
         ("delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
         ("within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
         ("cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
         ("voltage_quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
-        ("draws", draws, 20 <= draws <= 100_000, "Give 20 or more"),
+        ("runs", runs, 20 <= runs <= 100_000, "Give 20 or more"),
     ):
         if not fits:
             raise InputError("out of range", field=field, value=value, remedy=remedy)
@@ -362,10 +363,10 @@ def stability(
     for name in laws:
         if name not in (*known, law.name):
             raise no_such("not a law that can be tuned for this", name, known, field="laws")
-    if law.ways is not None and (with_robustness or laws):
+    if law.ways is not None and (robustness or laws):
         raise InputError(
             f"commands come late or wrong there; the vehicle flies {law.name!r} without samples",
-            field="with_robustness" if with_robustness else "laws",
+            field="robustness" if robustness else "laws",
             remedy="Leave it out: the rates of pump and valve over the region are gains that err",
         )
     within = _within(law, numbers, depths) if within is None else within
@@ -406,15 +407,17 @@ def stability(
             recovery = Recovery(vehicle, bound, within, band, parts, watched)
             found = recovery_maps(recovery, depths, cells, lambda x: advance(0.4 * x))
         trials: list[RobustnessTrial] = []
-        if with_robustness:
+        if robustness:
             start, target = usual_step(max(low, vehicle.hull.emergence_depth), high)
             step = Step(start, target, math.ceil(within / h) * h)
             others = [name for name in dict.fromkeys(laws) if name != law.name]
             chosen = [bound, *(_tuned(vehicle, name, depths, parts, watched) for name in others)]
             share = 0.3 / len(chosen)
             for one in chosen:
-                drawn = Drawn(draws, region(vehicle), supervised=watched)
-                trials += robustness(vehicle, one, step, drawn, parts, lambda x: advance(share * x))
+                drawn = Drawn(runs, region(vehicle), supervised=watched)
+                trials += with_errors(
+                    vehicle, one, step, drawn, parts, lambda x: advance(share * x)
+                )
     return Stability(
         vehicle=vehicle.name,
         law=law.name,
@@ -514,8 +517,8 @@ def _tuned(
     law, goal = gains.tunable(name), gains.goals_of(gains.recipe_of(name))[0]
 
     def values() -> list[float]:
-        how: dict[str, Any] = dict(goal=goal, depths=depths, runs=_TUNED, supervised=supervised)
-        found = tune(vehicle, law=name, **how)
+        how: Any = {"depth_range": depths, "runs": _TUNED, "supervised": supervised}
+        found = tune(vehicle, law=name, goal=goal, **how)
         return [float(np.asarray(x)) for x in numbers(found.parameters)]
 
     kept = parts.get(values, "tuned", name, source_of(law), depths)

@@ -183,7 +183,7 @@ def _drive(
 
 
 def refused_depths(
-    what: str, depths: tuple[float, float], remedy: str, *, field: str = "depths"
+    what: str, depths: tuple[float, float], remedy: str, *, field: str = "depth_range"
 ) -> InputError:
     """Return the error for two depths [m] that cannot be."""
     value = f"{depths[0]:g}:{depths[1]:g}"

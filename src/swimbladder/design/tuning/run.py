@@ -119,7 +119,7 @@ _LIMITED = (
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _ROWS = 201  # depths at which a cast's layers are looked at
-_ASKED = "(`depths=`, `step=`)"
+_ASKED = "(`depth_range=`, `step=`)"
 
 
 def tune(
@@ -127,7 +127,7 @@ def tune(
     *,
     law: str | None = None,
     goal: str = "fast",
-    depths: tuple[float, float] = (0.0, 10.0),
+    depth_range: tuple[float, float] = (0.0, 10.0),
     sample_time: float | None = None,
     delay: float = 0.1,
     supply: float | None = None,
@@ -151,7 +151,7 @@ def tune(
         fast (a step soon settled), quiet (little volume moved and few starts of the motor while a
         depth is held; of a pump and valve least power) or energy (least electrical energy for a
         step and holding).
-    depths
+    depth_range
         Least and greatest [m].
     sample_time
         Of the law [s]; none: that of the vehicle's controller.
@@ -192,7 +192,7 @@ def tune(
     if goal not in gains.GOALS:
         remedy = f"Choose from {', '.join(gains.GOALS)}"
         raise InputError("no such goal", field="goal", value=goal, remedy=remedy)
-    names = laws_for(vehicle, goal) if law is None else [law]
+    depths, names = depth_range, laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)
     gains.check_depths(depths)
@@ -216,7 +216,7 @@ def tune(
     if supervised:
         limit = supervisor_parameters(noisy, h).deep.depth_limit
         if judged[-1] > limit:
-            raise turned_round(judged[-1], limit, "depths" if depths[1] > limit else "step")
+            raise turned_round(judged[-1], limit, "depth_range" if depths[1] > limit else "step")
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
@@ -539,7 +539,7 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
         return []
     return [
         f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
-        f"{depths[0]:g} to {depths[1]:g} m (`depths=`): the margins are judged at "
+        f"{depths[0]:g} to {depths[1]:g} m (`depth_range=`): the margins are judged at "
         f"{' and '.join(beyond)} as well"
     ]
 

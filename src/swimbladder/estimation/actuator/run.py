@@ -32,6 +32,7 @@ from swimbladder.estimation.estimates import (
     Finding,
     Severity,
     check_names,
+    read_values,
     sentence,
     too_many,
     undetermined,
@@ -115,7 +116,7 @@ def identify_actuator(
     vehicle: Vehicle | None = None,
     *,
     fixed: Mapping[str, float] | None = None,
-    asked: Sequence[str] | None = None,
+    required: Sequence[str] | None = None,
     advance: Advance = silent,
 ) -> ActuatorIdentification:
     """Identify an actuator from its logs, eqs (21)-(24).
@@ -129,7 +130,7 @@ def identify_actuator(
         none: these are not known.
     fixed
         {name: value} of `PARAMETERS` in SI, not fitted.
-    asked
+    required
         What has to be identified; none: K1 and T1 where the logs have a voltage, T1 and rate where
         they have positions alone, rate where they have what was asked of a positioner.
     advance
@@ -150,9 +151,8 @@ def identify_actuator(
     NoAnswerError
         Nothing moves.
     """
-    fixed = dict(fixed or {})
-    for names in (tuple(fixed), tuple(asked or ())):
-        check_names(names, PARAMETERS, "NAME", "the actuator has no such parameter")
+    fixed = read_values(fixed, PARAMETERS)
+    check_names(tuple(required or ()), PARAMETERS, "required", "there is no such parameter")
     if not logs:
         raise InputError("there are no logs", field="LOG", remedy="Give one log or more")
     benches = [bench(log, vehicle) for log in logs]
@@ -161,11 +161,13 @@ def identify_actuator(
         what = "nothing can be set where no voltage is logged"
         remedy = "Leave `fixed=` out, or map voltage_V with `columns=`"
         raise InputError(what, field="fixed", value=", ".join(fixed), remedy=remedy)
-    if asked is None:
-        asked = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[driven]
+    if required is None:
+        required = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[
+            driven
+        ]
         if vehicle is not None and vehicle.command == "volume":
-            asked = ("rate",)
-        asked = tuple(name for name in asked if name not in fixed)
+            required = ("rate",)
+        required = tuple(name for name in required if name not in fixed)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         found = (
             _voltage(benches, fixed, advance) if driven == "voltage" else _moves(benches, advance)
@@ -174,7 +176,7 @@ def identify_actuator(
         parameters={n: _settled(n, e) for n, e in found.parameters.items()},
         derived={n: _settled(n, e) for n, e in found.derived.items()},
     )
-    missing = [(n, found.parameters[n].why) for n in asked if not found.parameters[n].known]
+    missing = [(n, found.parameters[n].why) for n in required if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
     one, known = benches[0], [n for n in found.covariance if found.parameters[n].known]
     which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
@@ -193,7 +195,7 @@ def identify_actuator(
     return ActuatorIdentification(
         driven=driven,
         quantity=one.quantity,
-        asked=tuple(map(called, asked)),
+        asked=tuple(map(called, required)),
         nine=nine(found.parameters, vehicle, which),
         assumptions=tuple(sentence("actuator", driven).split("\n")),
         notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),

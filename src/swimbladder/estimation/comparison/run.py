@@ -384,7 +384,7 @@ def _apply(
 def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
     """Raise InputError for a name that cannot be fitted to this vehicle and record."""
     coefficients = {"drag": vehicle.drag.k_dl, "drag_quadratic": vehicle.drag.k_dt}
-    check_names(names, FITTABLE, "fit", "this cannot be fitted", "; or none")
+    check_names(names, FITTABLE, "free", "this cannot be fitted", "; or none")
     for name in names:
         what = remedy = ""
         if coefficients.get(name) == 0.0:
@@ -397,7 +397,7 @@ def _check(names: Sequence[str], vehicle: Vehicle, rec: Record) -> None:
             what = "a drift can be fitted only where the logged volume drives the vehicle"
             remedy = "Choose `drive='volume'`, or leave it out"
         if what:
-            raise InputError(what, field="fit", value=name, remedy=remedy)
+            raise InputError(what, field="free", value=name, remedy=remedy)
 
 
 def _guess(vehicle: Vehicle, rec: Record) -> float:
@@ -508,7 +508,7 @@ def compare(
     vehicle: Vehicle,
     *,
     drive: Drive | None = None,
-    fit: Sequence[str] | None = None,
+    free: Sequence[str] | None = None,
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
     submerged: bool = False,
@@ -526,7 +526,7 @@ def compare(
     drive
         volume (or piston), voltage, or setpoint: the vehicle's own controller, with ideal sensors,
         follows the logged set-point; none: the first of these that the log has.
-    fit
+    free
         Names of what is fitted to this log, see `FITTABLE`; none: the neutral volume, with the
         state at the start where the vehicle is under way. An empty list fits nothing.
     bottom_depth
@@ -565,7 +565,7 @@ def compare(
         submerged=submerged,
         column=column,
     )
-    names = default_names(rec) if fit is None else tuple(fit)
+    names = default_names(rec) if free is None else tuple(free)
     outcome = adjust(vehicle, rec, names, advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
     of = f"after the first sample, of {rec.duration:.4g} s"

@@ -23,7 +23,13 @@ from pydantic import BaseModel
 from scipy.special import ndtri
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence, undetermined
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Origin,
+    Prior,
+    sentence,
+    undetermined,
+)
 from swimbladder.estimation.motion.argo_seconds import as_long
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
@@ -435,20 +441,21 @@ def identify_deep(
     InputError
         The vehicle has no pump and valve, a log has no dive, or what is asked cannot be identified.
     """
-    held, known = fixed or {}, priors or {}
-    check_deep_request(vehicle, len(logs), len(columns), free=free, fixed=list(held), priors=known)
+    held, before = check_deep_request(
+        vehicle, len(logs), len(columns), free=free, fixed=fixed, priors=priors
+    )
     each = list(columns) * (len(logs) if len(columns) == 1 else 1)
     pairs = zip(logs, each, strict=True)
     dives = [deep_dive(log, column, vehicle, name=Path(log.source).name) for log, column in pairs]
     body = body_of(vehicle)
-    known = priors_of(vehicle, known)
+    known = priors_of(vehicle, before)
     values = {name: known[name].mean for name in DEEP} | dict(held)
-    _check_place(vehicle, values, {"fixed": held, "priors": priors or {}})
+    _check_place(vehicle, values, {"fixed": held, "priors": before})
     run = ("bypass",) if any(dive.actions.bypass.any() for dive in dives) else ()
     names = tuple(free or [n for n in (*DEFAULT, *run) if n not in held])
     advance(0.1)
     fit = fit_deep(
-        body, dives, known, free=names, fixed=fixed, advance=lambda share: advance(0.8 * share)
+        body, dives, known, free=names, fixed=held, advance=lambda share: advance(0.8 * share)
     )
     parameters = {name: _estimate(fit, name, held) for name in (*fit.names, *held)}
     fits = tuple(_dive_fit(body, fit, k, dive) for k, dive in enumerate(dives))

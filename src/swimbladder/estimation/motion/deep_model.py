@@ -35,7 +35,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.errors import InputError, Parameter
-from swimbladder.estimation.estimates import Prior, check_names
+from swimbladder.estimation.estimates import Prior, check_names, read_priors, read_values
 from swimbladder.estimation.motion import deep_filter as of
 from swimbladder.estimation.motion.deep_filter import (
     SPACING,
@@ -396,10 +396,13 @@ def check_deep_request(
     casts: int,
     *,
     free: Sequence[str] | None,
-    fixed: Sequence[str],
-    priors: Mapping[str, Prior],
-) -> None:
-    """Raise InputError for what cannot be identified, whatever the logs say."""
+    fixed: Mapping[str, float] | None,
+    priors: Mapping[str, Prior] | None,
+) -> tuple[dict[str, float], dict[str, Prior]]:
+    """Return what is fixed and the priors, in SI; each may be a text.
+
+    Raises InputError for what cannot be identified, whatever the logs say.
+    """
     if vehicle.command != "volume change":
         what = "deep dives are identified for a pump and a valve"
         remedy = "Describe the actuator as kind pump-valve"
@@ -408,14 +411,16 @@ def check_deep_request(
         remedy = "Give one cast for all dives, or one for each in their order"
         raise InputError(f"{casts} casts for {dives} dives", field="cast", remedy=remedy)
     check_deep_names(free or (), "free")
-    check_deep_names(fixed, "fixed")
-    check_deep_names([name for name in priors if name not in CAST], "priors")
+    units = {name: about.unit for name, about in DEEP.items()}
+    held = read_values(fixed, units)
+    known = read_priors(priors, units | {name: about.unit for name, about in CAST.items()})
     for name, about in CAST.items():
-        if name in priors and priors[name].mean != 0.0:
+        if name in known and known[name].mean != 0.0:
             what = "it is an error that is not known to either side"
-            mended = f'`priors={{"{name}": "0 +- {priors[name].std:g} {about.unit}"}}`'
+            mended = f'`priors={{"{name}": "0 +- {known[name].std:g} {about.unit}"}}`'
             remedy = f"Correct the cast, and give {mended}"
             raise InputError(what, field="priors", value=name, remedy=remedy)
+    return held, known
 
 
 def hull_volume(

@@ -58,6 +58,7 @@ NAMES: Mapping[str, Name] = {
     "T1": Name("s", True, "time constant of the motor, eq. (24)", (1e-4, 1e2)),
 }
 
+UNITS = {name: about.unit for name, about in NAMES.items()}
 _OF_LAW = {
     "linear": ("K2", "T2"),
     "quadratic": ("mass", "drag_quadratic"),

@@ -18,7 +18,15 @@ from threadpoolctl import threadpool_limits
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, record, warmed, water_of_each
-from swimbladder.estimation.estimates import Z95, Estimate, Finding, Prior, bounded_fit
+from swimbladder.estimation.estimates import (
+    Z95,
+    Estimate,
+    Finding,
+    Prior,
+    bounded_fit,
+    read_priors,
+    read_values,
+)
 from swimbladder.estimation.motion.diagnose import (
     against_prior,
     diagnose,
@@ -37,6 +45,7 @@ from swimbladder.estimation.motion.posterior import sample, sampling_library
 from swimbladder.estimation.motion.problem import (
     DELAY,
     NAMES,
+    UNITS,
     Assumed,
     Problem,
     default_names,
@@ -372,7 +381,8 @@ def identify(
     if known is None:  # only that of the vehicle before this log, if the volume has its own zero
         stays = any(r.drive == "volume" and r.volume_absolute for r in records)
         known = math.inf if stays else NEUTRAL_STD
-    assumed = Assumed(dict(fixed or {}), dict(priors or {}), known, speed_std, drift_std, delay_std)
+    stated = read_values(fixed, UNITS), read_priors(priors, UNITS)
+    assumed = Assumed(*stated, known, speed_std, drift_std, delay_std)
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share

@@ -59,7 +59,7 @@ class Cast:
             raise _problem(what, remedy="Sort the rows and average those of one pressure")
 
 
-def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) -> Column:
+def cast_column(cast: Cast, max_depth: float | None = None, *, step: float = 1.0) -> Column:
     """Return a cast as a column of water.
 
     Above its first row the cast goes on as it begins, for at most a step below its last as it ends.
@@ -68,7 +68,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     ----------
     cast
         As `read_cast` returns it.
-    deepest
+    max_depth
         How deep the column goes [m]; none: to the cast's own end.
     step
         Between two depths of the column [m].
@@ -81,7 +81,7 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     Raises
     ------
     InputError
-        The cast ends above `deepest` or above the first step, or begins far below the surface.
+        The cast ends above `max_depth` or above the first step, or begins far below the surface.
     """
     import gsw
 
@@ -89,20 +89,20 @@ def cast_column(cast: Cast, deepest: float | None = None, *, step: float = 1.0) 
     fine = np.append(np.arange(0.0, end, _FINE), end)
     z_fine = depth_of_pressure(cast, fine)
     bottom = float(z_fine[-1])
-    if deepest is not None and deepest > bottom + step:
+    if max_depth is not None and max_depth > bottom + step:
         raise _problem(
             f"the cast {cast.name or 'given'} ends at {bottom:.0f} m ({end:.0f} dbar), "
-            f"{deepest - bottom:.0f} m above {deepest:.0f} m",
+            f"{max_depth - bottom:.0f} m above {max_depth:.0f} m",
             value=round(bottom, 1),
             unit="m",
             remedy="Take a cast that goes as deep, or ask for a lesser depth",
         )
-    wanted = bottom if deepest is None else deepest
+    wanted = bottom if max_depth is None else max_depth
     if wanted < step:
         what = f"the cast ends at {bottom:.2f} m, above the first step of the column, {step:g} m"
         raise _problem(what, remedy="Take a deeper cast, or a smaller step")
     depth = grid(wanted, step)
-    if deepest is None and depth[-1] > bottom and len(depth) > 2:
+    if max_depth is None and depth[-1] > bottom and len(depth) > 2:
         depth = depth[:-1]
     slope = _DBAR / (float(gsw.rho(cast.SA[-1], cast.CT[-1], end)) * _gravity(cast, end))
     z_ends = np.append(z_fine, bottom + slope * (2.0 * step / slope))

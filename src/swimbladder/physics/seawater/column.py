@@ -61,14 +61,14 @@ class Column:
         return float(self.depth[-1])
 
 
-def grid(deepest: float, step: float) -> Array:
-    """Return depths from 0 to `deepest` or just below, a `step` apart [m] [n].
+def grid(max_depth: float, step: float) -> Array:
+    """Return depths from 0 to `max_depth` or just below, a `step` apart [m] [n].
 
     Raises InputError where one of the two is not above 0.
     """
-    for name, value in (("deepest", deepest), ("step", step)):
+    for name, value in (("max_depth", max_depth), ("step", step)):
         check_number(value, name, "m", above=0.0, remedy="Give a depth in metres")
-    count = max(math.ceil(deepest / step * (1.0 - 1e-12)), 1)
+    count = max(math.ceil(max_depth / step * (1.0 - 1e-12)), 1)
     return np.asarray(step * np.arange(count + 1.0))
 
 
@@ -89,9 +89,9 @@ def water_compressibility(column: Column) -> Array:
     return np.asarray(gsw.kappa(SA, CT, p))
 
 
-def uniform_column(water: Water, deepest: float, *, step: float = 1.0) -> Column:
-    """Return the paper's water down to `deepest` [m]: constant density, p = rho g z."""
-    depth = grid(deepest, step)
+def uniform_column(water: Water, max_depth: float, *, step: float = 1.0) -> Column:
+    """Return the paper's water down to `max_depth` [m]: constant density, p = rho g z."""
+    depth = grid(max_depth, step)
     return Column(
         depth=depth,
         pressure=water.specific_weight * depth,

@@ -267,7 +267,7 @@ def course_of(
     try:
         check_depths(vehicle, medium, setpoints=where[:2], start_depth=None)
     except InputError as error:
-        raise error.but(field="depths") from None
+        raise error.but(field="depth_range") from None
     if floats:
         check_dive(vehicle)
     speed = _rise_speed(medium, where.most)
@@ -277,7 +277,7 @@ def course_of(
     check_time_limit(vehicle, f". These missions take {rounded(takes + found.slack, 3)} s with it")
     if found.time_limit < takes:
         what = f"the missions take {takes:.0f} s and would be cut short"
-        remedy = "Give more, or ask for less `depths=`"
+        remedy = "Give more, or ask for less `depth_range=`"
         field = "supervisor.time_limit"
         raise InputError(what, field=field, value=found.time_limit, unit="s", remedy=remedy)
     return found
@@ -290,14 +290,14 @@ def _tick(vehicle: Vehicle) -> float:
 
 def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None) -> Range:
     limit = supervisor_parameters(vehicle, _tick(vehicle)).deep.depth_limit
-    refused = partial(InputError, field="depths")
+    refused = partial(InputError, field="depth_range")
     if depths is not None:
         if not (least <= depths[0] < depths[1]):
             what = f"the missions need depths that grow, from {least:g} m on"
             asked, remedy = f"{depths[0]:g}:{depths[1]:g}", 'Write it like "1:40 m"'
             raise refused(what, value=asked, unit="m", remedy=remedy)
         if depths[1] > limit:
-            raise turned_round(depths[1], limit, "depths")
+            raise turned_round(depths[1], limit, "depth_range")
         return Range(*depths, "as asked")
     if not math.isfinite(limit):
         remedy = 'Say how deep it goes, like "1:40 m", or give hull.depth_limit'
@@ -308,7 +308,9 @@ def _range_of(vehicle: Vehicle, least: float, depths: tuple[float, float] | None
         raise InputError(what, field="supervisor.depth_limit", remedy=remedy)
     words = f"{RESERVE:.0%} of the supervisor's {limit:.4g} m"
     if vehicle.hull.depth_limit is None and vehicle.supervisor.depth_limit is None:
-        words += ", from stroke and motor: no rating is stated, give hull.depth_limit or `depths=`"
+        words += (
+            ", from stroke and motor: no rating is stated, give hull.depth_limit or `depth_range=`"
+        )
     return Range(least, RESERVE * limit, words)
 
 

@@ -157,7 +157,7 @@ def faults(
     missions: int = 100_000,
     healthy: int | None = None,
     seed: int = 1,
-    depths: tuple[float, float] | None = None,
+    depth_range: tuple[float, float] | None = None,
     column: Column | None = None,
     keep: Path | None = None,
     advance: Advance = silent,
@@ -174,7 +174,7 @@ def faults(
         How many without, 1 to 10 million; none: a tenth as many.
     seed
         Of what is drawn for the missions.
-    depths
+    depth_range
         Least and greatest [m]; none: from below the surface to a share of the depth at which the
         vehicle's supervisor turns it round.
     column
@@ -206,7 +206,7 @@ def faults(
             what = "must be a whole number from 1 to 10 million"
             remedy = "Give some hundreds to try, 100000 to prove"
             raise InputError(what, field=field, value=count, remedy=remedy)
-    course = course_of(vehicle, depths, column)
+    course = course_of(vehicle, depth_range, column)
     made = program_of(course)
     files = sources(made)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
@@ -382,7 +382,7 @@ def fly_one(
     *,
     healthy: bool = False,
     seed: int = 1,
-    depths: tuple[float, float] | None = None,
+    depth_range: tuple[float, float] | None = None,
     column: Column | None = None,
 ) -> Flown:
     """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
@@ -390,7 +390,7 @@ def fly_one(
     Raises InputError as `faults` does.
     """
     own_law(vehicle, sampled=False)
-    course = course_of(vehicle, depths, column)
+    course = course_of(vehicle, depth_range, column)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
     ways = [(SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL)][: 2 if healthy else 3]
     with board_of(course) as board:
