@@ -202,13 +202,12 @@ duration = "10 min"
 parameters = { k_pz = "-0.02 dm3/m" }
 """)
     drawn = []
-    monkeypatch.setattr("swimbladder.show.files.save", lambda figure, _: drawn.append(figure))
+    monkeypatch.setattr("swimbladder.show.static.save", lambda figure, _: drawn.append(figure))
     code = main(["mission", "feup-em", str(task), "--out", "flown", "--plot", "--json"])
     answer = json.loads(capsys.readouterr().out)
     assert code == 1
-    panel = drawn[0].axes[-1]  # where others have energy or battery: no line at 0 kJ
-    assert not panel.lines
-    assert "electrical power is not known" in " ".join(panel.texts[-1].get_text().split())
+    (note,) = drawn[0].panels[-1].marks  # where others have energy or battery: no line at 0 kJ
+    assert "electrical power is not known" in " ".join(note.text.split())
     assert answer["held"]["hold"]["share"] < 0.9
     assert any("is no holding" in reason for reason in answer["reasons"])
     assert answer["energy_unknown"]

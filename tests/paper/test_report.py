@@ -250,7 +250,7 @@ def test_the_same_seed_is_the_same_report(made, tmp_path):
 @pytest.mark.prove
 @pytest.mark.parametrize("seed", [11, 43])  # of a hundred, those with the most scatter
 def test_no_verdict_hangs_on_the_seed(made, tmp_path, monkeypatch, seed):
-    monkeypatch.setattr("swimbladder.show.files.save", lambda _figure, path: path)
+    monkeypatch.setattr("swimbladder.show.static.save", lambda _figure, path: path)
     found = reproduce(tmp_path / "other", seed=seed)
     assert found["passed"], found["failures"]
     assert found["table2"] != made[1]["table2"]

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from swimbladder.io.tables import rows_csv
 from swimbladder.show.files import write_all
+from swimbladder.show.picture import Picture
 
 
 def test_each_kind_of_content_is_written_under_its_name(tmp_path):
@@ -17,7 +17,7 @@ def test_each_kind_of_content_is_written_under_its_name(tmp_path):
         {
             "words.txt": "some\n",
             "part/raw.bin": b"\x00\x01",
-            "picture.png": Figure(),
+            "picture.png": Picture((4.0, 3.0)),
             "columns.csv": {"a_m": [1.0, 2.5], "b": np.array([np.nan, 1e-9])},
             "answer.json": {"a": np.float64(1.5), "b": [float("inf"), (1, 2)]},
             "own.txt": lambda path: path.write_text(path.suffix),

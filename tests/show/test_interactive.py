@@ -1,4 +1,4 @@
-"""Figures to hover and zoom: what matplotlib draws is in plotly's figure, with names and units."""
+"""Figures to hover and zoom: what a picture holds is in plotly's figure, with names and units."""
 
 import json
 import math
@@ -9,67 +9,77 @@ import subprocess
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
-from swimbladder.show import style
 from swimbladder.show.html import answer_page
 from swimbladder.show.interactive import as_plotly
 from swimbladder.show.parts import Drawn, Shown
+from swimbladder.show.picture import Ink, Picture, grid_of, stacked
+from swimbladder.show.static import figure
 from tests.pages import figures_of
 
 
-def drawn(*, rows=1, columns=1, **given):
-    figure, axes = style.new_figure((6.0, 4.0), rows, columns, **given)
-    return figure, axes
+def drawn(count=1, **given):
+    return grid_of((6.0, 4.0), count, count, **given)
 
 
-def traces(figure):
-    made = as_plotly(figure)
+def traces(picture):
+    made = as_plotly(picture)
     json.dumps(made, allow_nan=False)
     return made["data"], made["layout"]
 
 
 def test_a_curve_keeps_its_numbers_its_names_and_its_units():
-    figure, (axes,) = drawn()
+    picture, (panel,) = drawn()
     x, y = np.array([0.0, 1.0, np.nan, 3.0]), np.array([1.5, 2.5, 3.0, 1e-3 / 3.0])
-    axes.plot(x, y, "--o", color=style.Ink.BLUE, label="depth <1>")
-    axes.set(xlabel="time [s]", ylabel="depth [m]")
-    axes.legend()
-    (trace,), layout = traces(figure)
+    panel.line(x, y, Ink.BLUE, "height <1>", dash="--", marker="o")
+    panel.x, panel.y = "time [s]", "height [m]"
+    (trace,), layout = traces(picture)
     assert trace["x"] == [0.0, 1.0, None, 3.0]
     assert trace["y"] == pytest.approx([1.5, 2.5, 3.0, 1e-3 / 3.0], rel=1e-5)
     assert trace["mode"] == "lines+markers"
     assert trace["line"]["dash"] == "dash"
     assert trace["line"]["color"] == "rgba(0,114,178,1)"
-    assert trace["name"] == "depth &lt;1&gt;"
+    assert trace["name"] == "height &lt;1&gt;"
     assert trace["showlegend"]
-    assert "time: %{x:.5~g} s<br>depth: %{y:.5~g} m" in trace["hovertemplate"]
+    assert "time: %{x:.5~g} s<br>height: %{y:.5~g} m" in trace["hovertemplate"]
     assert layout["xaxis"]["title"]["text"] == "time [s]"
-    assert layout["yaxis"]["range"] == pytest.approx(axes.get_ylim())
-    assert layout["yaxis"]["type" if "type" in layout["yaxis"] else "side"] == "left"
+    assert layout["yaxis"]["side"] == "left"
+
+
+def test_an_axis_is_the_same_in_both_ways_to_draw():
+    picture, panels = drawn(3, sharey="all")
+    for panel, top in zip(panels, (1.0, 5.0, 2.0), strict=True):
+        panel.line([0.0, 2.0], [0.5, top])
+    panels[1].bars([1.0, 3.0], [4.0, 2.0])
+    panels[2].rule("x", 7.0)
+    panels[2].xlim = (-1.0, None)
+    _, layout = traces(picture)
+    for number, axes in zip(("", "2", "3"), figure(picture).axes, strict=True):
+        assert layout[f"xaxis{number}"]["range"] == pytest.approx(axes.get_xlim())
+        assert layout[f"yaxis{number}"]["range"] == pytest.approx(axes.get_ylim(), abs=0.06)
 
 
 def test_depth_goes_down_and_logarithms_are_of_ten():
-    figure, (axes,) = drawn()
-    axes.loglog([1.0, 1000.0], [0.1, 10.0])
-    style.depth_axis(axes)
-    _, layout = traces(figure)
+    picture, (panel,) = drawn()
+    panel.line([1.0, 1000.0], [0.1, 10.0])
+    panel.xlog, panel.y = True, "depth [m]"
+    _, layout = traces(picture)
     low, high = layout["yaxis"]["range"]
     assert low > high
     assert layout["xaxis"]["type"] == "log"
+    (axes,) = figure(picture).axes
+    assert axes.yaxis_inverted()
     assert layout["xaxis"]["range"] == pytest.approx(np.log10(axes.get_xlim()))
 
 
 def test_steps_areas_bars_and_spans_are_what_they_were():
-    figure, (left, right) = drawn(columns=2)
-    left.step([0.0, 1.0, 2.0], [1.0, 2.0, 3.0], where="post", label="held")
-    left.fill_between([0.0, 2.0], [1.0, 1.0], [2.0, 3.0], label="band")
-    left.axhline(2.0, color="black", ls=":")
-    left.axvspan(0.5, 1.0, color="#E8E8E8")
-    right.bar([1.0, 2.0], [3.0, 4.0], bottom=[0.0, 1.0], width=0.5, label="energy")
-    data, layout = traces(figure)
+    picture, (left, right) = drawn(2)
+    left.steps([0.0, 1.0, 2.0], [1.0, 2.0, 3.0], label="held")
+    left.band([0.0, 2.0], [1.0, 1.0], [2.0, 3.0], Ink.SKY, "band")
+    left.rule("y", 2.0, Ink.BLACK, dash=":")
+    left.span("x", 0.5, 1.0, Ink.PALE)
+    right.bars([1.0, 2.0], [3.0, 4.0], base=[0.0, 1.0], thick=0.5, label="energy")
+    data, layout = traces(picture)
     band, held, bars = (next(t for t in data if t["name"] == n) for n in ("band", "held", "energy"))
     assert held["line"]["shape"] == "hv"
     assert band["fill"] == "toself"
@@ -82,32 +92,31 @@ def test_steps_areas_bars_and_spans_are_what_they_were():
     assert (line["xref"], line["x0"], line["x1"]) == ("x domain", 0.0, 1.0)
     assert (line["yref"], line["y0"], line["y1"]) == ("y", 2.0, 2.0)
     span = next(s for s in layout["shapes"] if s["type"] == "rect")
-    assert (line.get("layer", "above"), span["layer"]) == ("above", "below")
+    assert (line["layer"], span["layer"]) == ("above", "below")
     assert (span["xref"], span["x0"], span["x1"]) == ("x", 0.5, 1.0)
     assert (span["yref"], span["y0"], span["y1"]) == ("y domain", 0.0, 1.0)
 
 
 def test_a_mesh_covers_what_it_covered():
-    figure, (axes,) = drawn()
-    values = np.array([[0.0, 0.0, 1.0], [1.0, 1.0, 1.0]])
-    axes.pcolormesh([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0], values)
-    data, _ = traces(figure)
+    picture, (panel,) = drawn()
+    panel.cells([0.5, 1.5, 2.5], [0.5, 1.5], np.array([[0, 0, 1], [1, 1, 1]]), (Ink.BLUE, Ink.SKY))
+    data, _ = traces(picture)
     area = {}
     for trace in data:
         x, y = (np.array([math.nan if v is None else v for v in trace[k]]) for k in "xy")
         for part in np.split(np.arange(len(x)), np.flatnonzero(np.isnan(x))):
             px, py = (v[part][np.isfinite(v[part])] for v in (x, y))
-            size = 0.5 * abs(np.dot(px[:-1], py[1:]) - np.dot(px[1:], py[:-1]))
+            size = 0.5 * abs(np.dot(px, np.roll(py, -1)) - np.dot(np.roll(px, -1), py))
             area[trace["fillcolor"]] = area.get(trace["fillcolor"], 0.0) + size
     assert sorted(area.values()) == pytest.approx([2.0, 4.0])
 
 
 def test_a_long_curve_is_thinned_and_keeps_its_extremes():
-    figure, (axes,) = drawn()
+    picture, (panel,) = drawn()
     y = np.sin(np.linspace(0.0, 300.0, 400_000))
     y[123_456], y[300_001] = 7.0, -8.0
-    axes.plot(y)
-    (trace,), _ = traces(figure)
+    panel.line(np.arange(len(y)), y)
+    (trace,), _ = traces(picture)
     assert len(trace["x"]) < 70_000
     assert trace["x"] == sorted(trace["x"])
     assert (max(trace["y"]), min(trace["y"])) == (7.0, -8.0)
@@ -115,25 +124,41 @@ def test_a_long_curve_is_thinned_and_keeps_its_extremes():
 
 
 def test_panels_that_share_an_axis_move_together():
-    figure, _ = drawn(rows=2, sharex=True)
-    _, layout = traces(figure)
+    picture, panels = stacked((6.0, 4.0), 1.0, 1.0)
+    for panel in panels:
+        panel.x = "time [s]"
+    _, layout = traces(picture)
     assert layout["xaxis2"]["matches"] == "x"
     assert "matches" not in layout["yaxis2"]
     assert not layout["xaxis"]["showticklabels"]
     low, high = layout["yaxis"]["domain"], layout["yaxis2"]["domain"]
-    assert high[1] < low[0]
+    assert 0.0 <= high[0] < high[1] < low[0] < low[1] <= 1.0
+
+
+def test_a_second_axis_stands_over_the_first_at_the_right():
+    picture, (panel,) = drawn()
+    panel.line([0.0, 1.0], [1.0, 2.0])
+    other = picture.add(x_of=panel, over=True, y="stroke [m]")
+    other.line([0.0, 1.0], [10.0, 30.0])
+    _, layout = traces(picture)
+    assert (layout["yaxis2"]["overlaying"], layout["yaxis2"]["side"]) == ("y", "right")
+    assert layout["xaxis2"]["matches"] == "x"
+    first, second = figure(picture).axes
+    assert first.get_xlim() == second.get_xlim()
+    assert first.get_ylim() != second.get_ylim()
 
 
 def test_a_legend_names_what_has_no_curve_of_its_own():
-    figure, (axes,) = drawn()
-    axes.plot([0.0, 1.0], [0.0, 1.0], label="_hidden")
-    patch = Patch(color=style.Ink.GREEN)
-    figure.legend([patch], ["settled"], loc="outside lower center")
-    data, layout = traces(figure)
+    picture, (panel,) = drawn()
+    panel.line([0.0, 1.0], [0.0, 1.0])
+    panel.span("y", 0.2, 0.4, Ink.GREEN, "settled", alpha=1.0)
+    data, layout = traces(picture)
     (key,) = [trace for trace in data if trace.get("showlegend", True)]
     assert key["name"] == "settled"
     assert key["marker"]["color"] == "rgba(0,158,115,1)"
     assert layout["showlegend"]
+    (axes,) = figure(picture).axes
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["settled"]
 
 
 @pytest.fixture(scope="session")
@@ -147,16 +172,16 @@ def chromium():
 
 
 def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_path):
-    figure, (top, low) = drawn(rows=2, sharex=True)
-    top.plot([0.0, 1.0, 2.0], [1.0, 3.0, 2.0], label="depth")
-    top.axhline(2.0)
-    top.set(ylabel="depth [m]")
-    top.legend()
-    low.bar([0.5, 1.5], [1.0, 2.0])
-    low.set(xlabel="time [s]", ylabel="energy [J]")
-    other, (axes,) = drawn()
-    axes.pcolormesh([0.0, 1.0, 2.0], [0.0, 1.0], [[0.0, 1.0]])
-    pictures = {"one": figure, "two": other}
+    picture, (top, low) = stacked((6.0, 4.0), 1.0, 1.0)
+    top.line([0.0, 1.0, 2.0], [1.0, 3.0, 2.0], label="depth")
+    top.rule("y", 2.0)
+    top.y = "depth [m]"
+    low.bars([0.5, 1.5], [1.0, 2.0])
+    low.x, low.y = "time [s]", "energy [J]"
+    other, (panel,) = drawn()
+    panel.cells([0.5, 1.5], [0.5, 1.5], np.array([[0, 1], [0, 0]]), (Ink.BLUE, Ink.SKY))
+    panel.text(0.5, 0.5, "a note", share="xy", boxed=True)
+    pictures = {"one": picture, "two": other}
 
     class Settling(Shown[None]):
         title = "A page"
@@ -187,29 +212,42 @@ def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_
 
 
 def test_an_axis_of_counts_has_no_ticks_between_them():
-    figure, (axes,) = drawn()
-    axes.bar([1.0, 2.0, 3.0], [1.0, 2.0, 2.0])
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_yticks([])
-    _, layout = traces(figure)
+    picture, (panel,) = drawn()
+    panel.bars([1.0, 2.0, 3.0], [1.0, 2.0, 2.0])
+    panel.counts = "x"
+    _, layout = traces(picture)
     assert (layout["xaxis"]["tick0"], layout["xaxis"]["dtick"]) == (0, 1)
-    assert layout["yaxis"]["ticks"] == ""
-    assert not layout["yaxis"]["showticklabels"]
+
+
+def test_a_text_on_a_logarithmic_axis_stands_where_its_point_is():
+    picture, (panel,) = drawn()
+    panel.dots([1.0, 1000.0], [2.0, 3.0])
+    panel.xlog = True
+    panel.text(100.0, 2.5, "here")
+    panel.text(0.5, 2.5, "in the middle", share="x")
+    _, layout = traces(picture)
+    here, middle = layout["annotations"]
+    assert (here["x"], here["y"], middle["x"]) == (2.0, 2.5, 0.5)
+    assert layout["xaxis"]["ticktext"] == ["1", "10", "100", "1000"]
 
 
 def test_an_empty_figure_is_no_error():
-    data, _ = traces(Figure())
+    data, _ = traces(Picture((4.0, 3.0)))
     assert data == []
+    assert figure(Picture((4.0, 3.0))).axes == []
+    picture, _ = drawn()
+    assert traces(picture)[0] == []
+    assert len(figure(picture).axes) == 1
 
 
 def test_ticks_with_names_keep_them():
-    figure = Figure()
-    axes = figure.subplots()
-    axes.barh([0, 1], [3.0, 4.0])
-    axes.set_yticks([0, 1], ["drag", "psi"])
-    axes.set_xticks([0.0, 2.5])
-    layout = as_plotly(figure)["layout"]
+    picture, (panel,) = drawn()
+    panel.bars([0, 1], [3.0, 4.0], flat=True)
+    panel.yticks, panel.xticks = {0.0: "drag", 1.0: "psi"}, {0.0: "0.0", 2.5: "2.5"}
+    layout = as_plotly(picture)["layout"]
     assert layout["yaxis"]["tickmode"] == layout["xaxis"]["tickmode"] == "array"
     assert layout["yaxis"]["tickvals"] == [0.0, 1.0]
     assert layout["yaxis"]["ticktext"] == ["drag", "psi"]
     assert layout["xaxis"]["ticktext"] == ["0.0", "2.5"]
+    (axes,) = figure(picture).axes
+    assert [label.get_text() for label in axes.get_yticklabels()] == ["drag", "psi"]

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder import __version__
 from swimbladder.io.answers import as_json, attributes
@@ -17,9 +16,10 @@ from swimbladder.paper.tables import tables
 from swimbladder.paper.verdict import EquationCheck, Finding, Verdict, texts
 from swimbladder.show import paper
 from swimbladder.show.html import page_figure, render
+from swimbladder.show.picture import Picture
 from swimbladder.sim.pool import Fit
 
-FIGURES: dict[str, Callable[[Evidence], Figure]] = {
+FIGURES: dict[str, Callable[[Evidence], Picture]] = {
     "figure-12": lambda e: paper.draw_procedure(e.runs[0]),
     "figure-13": lambda e: paper.draw_speeds(e.experiments, e.table2[0]),
     "figure-14": lambda e: paper.draw_depths(e.experiments, e.table2[1]),
@@ -64,7 +64,7 @@ class Judged:
         )
 
 
-def draw(e: Evidence, advance: Advance) -> dict[str, Figure]:
+def draw(e: Evidence, advance: Advance) -> dict[str, Picture]:
     """Return every figure by its name; `advance` is called for each."""
     figures = {}
     for name, drawn in FIGURES.items():
@@ -73,7 +73,7 @@ def draw(e: Evidence, advance: Advance) -> dict[str, Figure]:
     return figures
 
 
-def page(e: Evidence, judged: Judged, figures: dict[str, Figure], files: Sequence[str]) -> str:
+def page(e: Evidence, judged: Judged, figures: dict[str, Picture], files: Sequence[str]) -> str:
     """Return the report as HTML."""
     context = {
         "version": __version__,

@@ -14,15 +14,7 @@ from swimbladder.show.actuator_plots import draw_log, draw_speeds, draw_steps, s
 from swimbladder.show.estimates import STRONG, row
 from swimbladder.show.files import Gone
 from swimbladder.show.html import TEXTS
-from swimbladder.show.parts import (
-    Drawn,
-    Labelled,
-    Part,
-    Shown,
-    Table,
-    labelled,
-    severity,
-)
+from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled, severity
 from swimbladder.units import rounded, unit_factor
 
 MEANING: dict[str, str] = TEXTS["actuator"]

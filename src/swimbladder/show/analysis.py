@@ -3,18 +3,13 @@
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from swimbladder.design.linear import Analysis, Margins
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-    Table,
-)
+from swimbladder.show import analysis_plots as plots
+from swimbladder.show.parts import Drawn, Part, Shown, Table
 from swimbladder.show.text import as_text
 
 
@@ -42,7 +37,7 @@ class AnalysisShown(Shown[Analysis]):
             yield from (_drive(a), _motions(a))
             pictures.append("drive")
         yield from (_poles(a), _routh(a), _transfer_functions(a))
-        yield from (Drawn(name, partial(_draw, name, a)) for name in pictures)
+        yield from (Drawn(name, partial(getattr(plots, f"draw_{name}"), a)) for name in pictures)
 
     def table(self) -> dict[str, Any]:
         """Return the open loop's frequency response, command to depth."""
@@ -53,11 +48,6 @@ class AnalysisShown(Shown[Analysis]):
     def files(self) -> dict[str, object]:
         """Return analysis.txt: all that is printed."""
         return {"analysis.txt": as_text(list(self.parts()))}
-
-
-def _draw(name: str, a: Analysis) -> Any:
-    """Draw a picture of it; only then is matplotlib loaded, which takes half a second."""
-    return getattr(import_module("swimbladder.show.analysis_plots"), f"draw_{name}")(a)
 
 
 def _transfer_functions(a: Analysis) -> Table:

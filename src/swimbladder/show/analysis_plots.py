@@ -1,18 +1,16 @@
 """Pictures of a linear analysis: Bode of the open loop, the loop gains and their margins, poles."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.linear.pump_valve import drive_rates
-from swimbladder.show.style import Ink, new_figure, stacked, styled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of, one_panel, stacked
 
 _DEPTHS = 401  # of the rates of pump and valve: near the surface a valve goes with a root
 
@@ -27,25 +25,23 @@ class _Break(NamedTuple):
     line: str
 
 
-@styled
-def draw_open_loop(analysis: Analysis) -> Figure:
+def draw_open_loop(analysis: Analysis) -> Picture:
     """Draw the Bode diagram of the open loop, command to depth."""
     w, response = analysis.response()
     rates = np.abs([p for p in analysis.open_loop.poles if abs(p) > 1e-9])
     what, unit = ("voltage", "m/V") if analysis.vehicle.voltage_driven else ("volume", "m/m³")
-    figure, top, bottom = _bode(f"|depth/{what}| [{unit}]")
-    top.loglog(w, np.abs(response), color=Ink.BLUE)
-    bottom.semilogx(w, _phase(response), color=Ink.BLUE)
-    for rate in sorted({float(f"{rate:.9g}") for rate in rates}):
-        for axes in (top, bottom):
-            axes.axvline(rate, color=Ink.GREY, linewidth=0.9, linestyle=":")
     title = f"open loop, {what} to depth (dotted: moduli of the poles)"
-    top.set_title(f"{analysis.vehicle.name}: {title}")
-    return figure
+    name = f"{analysis.vehicle.name}: {title}"
+    picture, top, bottom = _bode(f"|depth/{what}| [{unit}]", name)
+    top.line(w, np.abs(response))
+    bottom.line(w, _phase(response))
+    for rate in sorted({float(f"{rate:.9g}") for rate in rates}):
+        for panel in (top, bottom):
+            panel.rule("x", rate, dash=":", width=0.9)
+    return _with_phases(picture)
 
 
-@styled
-def draw_drive(analysis: Analysis) -> Figure:
+def draw_drive(analysis: Analysis) -> Picture:
     """Draw the rates of pump and valve against depth.
 
     Raises ValueError where the vehicle has neither.
@@ -54,20 +50,17 @@ def draw_drive(analysis: Analysis) -> Figure:
     if d is None or stall is None:
         raise ValueError("this vehicle has no pump and valve to draw")
     d = drive_rates(analysis.vehicle, np.linspace(0.0, max(d.depths), _DEPTHS).tolist())
-    figure, (axes,) = new_figure((7.0, 5.0))
-    axes.plot(1e6 * np.array(d.pump), d.depths, color=Ink.BLUE, label="pump, out")
-    axes.plot(1e6 * np.array(d.valve), d.depths, color=Ink.VERMILION, label="valve, in")
+    title = f"{analysis.vehicle.name}: what pump and valve do"
+    how: Any = {"x": "volume rate [cm³/s]", "y": "depth [m]", "title": title, "legend": "best"}
+    picture, panel = one_panel((7.0, 5.0), **how)
+    panel.line(1e6 * np.array(d.pump), d.depths, label="pump, out")
+    panel.line(1e6 * np.array(d.valve), d.depths, Ink.VERMILION, "valve, in")
     if math.isfinite(stall.depth) and stall.depth <= max(d.depths):
-        axes.axhline(stall.depth, color=Ink.GREY, linestyle=":", label="the pump stalls")
-    axes.invert_yaxis()
-    axes.set(xlabel="volume rate [cm³/s]", ylabel="depth [m]")
-    axes.set_title(f"{analysis.vehicle.name}: what pump and valve do")
-    axes.legend(fontsize=9)
-    return figure
+        panel.rule("y", stall.depth, Ink.GREY, "the pump stalls", dash=":", width=1.5)
+    return picture
 
 
-@styled
-def draw_loop_gains(analysis: Analysis) -> Figure:
+def draw_loop_gains(analysis: Analysis) -> Picture:
     """Draw the Bode diagram of both loop gains with their margins marked.
 
     Raises ValueError where the vehicle has no closed loop.
@@ -75,8 +68,8 @@ def draw_loop_gains(analysis: Analysis) -> Figure:
     c = _closed_loop(analysis)
     nyquist = math.pi / c.sample_time
     slowest = min(abs(m.s) for m in c.modes if math.isfinite(m.s.real))
-    figure, top, bottom = _bode("loop gain |L| [-]")
-    top.axhline(1.0, color=Ink.GREY, linewidth=0.9)
+    picture, top, bottom = _bode("loop gain |L| [-]", _title(analysis, c, "loop gain"))
+    top.rule("y", 1.0, width=0.9)
     for place in _breaks(analysis, c):
         w, values = frequency_response(place.loop)
         w, values = w[w > 0.1 * slowest], values[w > 0.1 * slowest]
@@ -85,100 +78,104 @@ def draw_loop_gains(analysis: Analysis) -> Figure:
         if math.isfinite(at):  # of all turns, the one in which the crossover lies next to -180
             phase -= 360.0 * round((float(np.interp(at, w, phase)) + 180.0) / 360.0)
         label = f"broken at the {place.name}"
-        top.loglog(w, np.abs(values), color=place.color, linestyle=place.line, label=label)
-        bottom.semilogx(w, phase, color=place.color, linestyle=place.line)
+        top.line(w, np.abs(values), place.color, label, dash=place.line)
+        bottom.line(w, phase, place.color, dash=place.line)
         if place.margins is not None:
             _mark_gains(top, place)
             _mark_phase(bottom, place, w, phase)
-    bottom.axhline(-180.0, color=Ink.GREY, linewidth=0.9)
-    half = "half the sampling frequency"
-    top.axvline(nyquist, color=Ink.GREY, linewidth=0.9, linestyle="--", label=half)
-    bottom.axvline(nyquist, color=Ink.GREY, linewidth=0.9, linestyle="--")
-    bottom.set_xlim(0.08 * slowest, 20.0 * nyquist)  # room for what is written
-    top.legend(fontsize=9, loc="lower left")
-    top.set_title(_title(analysis, c, "loop gain"))
-    return figure
+    bottom.rule("y", -180.0, width=0.9)
+    top.rule("x", nyquist, Ink.GREY, "half the sampling frequency", dash="--", width=0.9)
+    bottom.rule("x", nyquist, dash="--", width=0.9)
+    top.xlim, top.legend = (
+        (0.08 * slowest, 20.0 * nyquist),
+        "lower left",
+    )  # room for what is written
+    return _with_phases(picture)
 
 
-@styled
-def draw_nyquist(analysis: Analysis) -> Figure:
+def draw_nyquist(analysis: Analysis) -> Picture:
     """Draw both loop gains in the complex plane around -1, with the disks that they stay out of.
 
     Raises ValueError where the vehicle has no closed loop.
     """
     c = _closed_loop(analysis)
-    figure, (axes,) = new_figure((8.0, 6.8))
+    title = _title(analysis, c, "Nyquist")
+    limits: Any = {"xlim": (-3.2, 2.2), "ylim": (-2.2, 2.2), "equal": True, "title": title}
+    labels: Any = {"x": "Re L [-]", "y": "Im L [-]", "legend": "upper right"}
+    picture, panel = one_panel((8.0, 6.8), **limits, **labels)
     circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-    axes.plot(circle.real, circle.imag, ":", color=Ink.GREY, linewidth=0.9, label="|L| = 1")
+    panel.line(circle.real, circle.imag, Ink.GREY, "|L| = 1", dash=":", width=0.9)
     for place in _breaks(analysis, c):
         _, values = frequency_response(place.loop)
-        for half in (values, values.conj()):
-            (line,) = axes.plot(half.real, half.imag, place.line, color=place.color)
-            line.set_label(f"broken at the {place.name}" if half is values else None)
+        label, dash = f"broken at the {place.name}", place.line
+        panel.line(values.real, values.imag, place.color, label, dash=dash)
+        panel.line(values.real, -values.imag, place.color, label, dash=dash)
         if place.margins is not None:
             # Where (2 + alpha e)/(2 - alpha e) L = -1 for some |e| = 1: a circle around -1.
             alpha = place.margins.disk
             disk = -(2.0 - alpha * circle) / (2.0 + alpha * circle)
-            axes.fill(disk.real, disk.imag, color=place.color, alpha=0.07, linewidth=0.0)
-            how: Any = {"linewidth": 0.8, "label": f"its disk margin, {alpha:.2f}"}
-            axes.plot(disk.real, disk.imag, place.line, color=place.color, **how)
-    axes.plot(-1.0, 0.0, "+", color="black", markersize=12, label="-1")
-    axes.set(xlim=(-3.2, 2.2), ylim=(-2.2, 2.2), xlabel="Re L [-]", ylabel="Im L [-]")
-    axes.set_aspect("equal")
-    axes.legend(fontsize=9, loc="upper right")
-    axes.set_title(_title(analysis, c, "Nyquist"), fontsize=10)
-    return figure
+            label = f"its disk margin, {alpha:.2f}"
+            panel.area(disk.real, disk.imag, place.color, alpha=0.07)
+            panel.line(disk.real, disk.imag, place.color, label, dash=dash, width=0.8)
+    panel.dots(-1.0, 0.0, "+", Ink.BLACK, "-1", size=12.0)
+    return picture
 
 
-@styled
-def draw_poles(analysis: Analysis) -> Figure:
-    """Draw the poles: open loop in the s-plane, closed loop in the z-plane."""
+def draw_poles(analysis: Analysis) -> Picture:
+    """Draw the poles: open loop in the s-plane, closed loop in the z-plane, and around z = 1."""
     c = analysis.closed_loop
-    figure = Figure(figsize=(7.0 if c is None else 11.0, 5.0))
-    left = figure.add_subplot(1, 1 if c is None else 2, 1)
+    z = np.array([] if c is None else [mode.z for mode in c.modes])
+    near = z[np.abs(z - 1.0) < 0.05]
+    count = 1 + (c is not None) + (len(near) > 0)
+    picture, (left, *others) = grid_of((1.0 + 4.6 * count, 4.6), count, count)
     poles = np.array(analysis.open_loop.poles)
     smallest = min((abs(p) for p in poles if abs(p) > 1e-9), default=1.0)
-    left.axvspan(0.0, 1e6, color=Ink.VERMILION, alpha=0.08, linewidth=0.0)
-    left.axvline(0.0, color=Ink.GREY, linewidth=0.9)
-    _crosses(left, poles, Ink.BLUE)
     # Rates from 0.01 to 100 1/s share a picture only on an axis that is linear near 0.
-    left.set_xscale("symlog", linthresh=10.0 ** math.floor(math.log10(smallest)))
-    largest = float(np.max(np.abs(poles)))
-    left.set_xlim(-3.0 * largest, 3.0 * max(float(poles.real.max()), smallest))
+    bent, ticks = _bent(10.0 ** math.floor(math.log10(smallest)), float(np.max(np.abs(poles))))
+    low, high = -3.0 * float(np.max(np.abs(poles))), 3.0 * max(float(poles.real.max()), smallest)
+    left.xlim, left.xticks = (bent(low), bent(high)), ticks
     reach = 1.5 * max(float(np.max(np.abs(poles.imag))), smallest)
-    left.set(ylim=(-reach, reach), xlabel="Re s [1/s], linear near 0", ylabel="Im s [rad/s]")
-    left.set_title(f"{analysis.vehicle.name}: open loop (shaded: growing)")
+    left.span("x", 0.0, bent(high), Ink.VERMILION, alpha=0.08)
+    left.rule("x", 0.0, width=0.9)
+    _crosses(left, np.array([bent(p.real) for p in poles]), poles, Ink.BLUE)
+    left.ylim = (-reach, reach)
+    left.x, left.y = "Re s [1/s], linear near 0", "Im s [rad/s]"
+    left.title = f"{analysis.vehicle.name}: open loop (shaded: growing)"
     if c is not None:
-        right = figure.add_subplot(1, 2, 2)
-        circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
-        right.plot(circle.real, circle.imag, color=Ink.GREY, linewidth=0.9, label="|z| = 1")
-        z = np.array([mode.z for mode in c.modes])
-        _crosses(right, z, Ink.VERMILION, label="closed loop")
-        right.set(xlabel="Re z [-]", ylabel="Im z [-]")
-        right.set_aspect("equal", adjustable="datalim")
-        right.legend(fontsize=9, loc="upper left")
-        if np.any(np.abs(z - 1.0) < 0.05):
-            _near_one(right, z)
-        right.set_title(f"under {c.law}, sampled every {c.sample_time:.4g} s")
-    return figure
+        right, *inset = others
+        circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 3601))
+        for panel in others:
+            panel.line(circle.real, circle.imag, Ink.GREY, "|z| = 1", width=0.9)
+            _crosses(panel, z.real, z, Ink.VERMILION, label="closed loop")
+            panel.x, panel.y, panel.legend = "Re z [-]", "Im z [-]", ""
+        right.equal, right.legend = True, "upper left"
+        right.xlim = right.ylim = (-1.1, 1.1)
+        right.title = f"under {c.law}, sampled every {c.sample_time:.4g} s"
+        for panel in inset:  # the slow poles of a loop that is sampled fast
+            reach = 1.5 * float(np.max(np.abs(near - 1.0)))
+            panel.xlim, panel.ylim = (1.0 - reach, 1.0 + 0.5 * reach), (-0.75 * reach, 0.75 * reach)
+            panel.title, panel.xticks = "around z = 1", 4
+    return picture
 
 
-def _crosses(axes: Axes, values: NDArray[np.complex128], color: str, **given: Any) -> None:
-    axes.plot(values.real, values.imag, "x", color=color, ms=9, mew=2, **given)
+def _bent(least: float, most: float) -> tuple[Callable[[float], float], dict[float, str]]:
+    """Return a scale that is linear below `least` and logarithmic above, and its ticks."""
+
+    def bent(value: float) -> float:
+        return math.copysign(math.log10(1.0 + abs(value) / least), value)
+
+    powers = range(math.floor(math.log10(least)) + 1, math.ceil(math.log10(most)) + 1)
+    sizes = [10.0**power for power in powers][:: 1 + len(powers) // 5]
+    return bent, {
+        bent(side * size): f"{side * size:g}" for size in sizes for side in (-1.0, 1.0)
+    } | {0.0: "0"}
 
 
-def _near_one(axes: Axes, z: NDArray[np.complex128]) -> None:
-    """Draw what lies around z = 1 again, larger: the slow poles of a loop that is sampled fast."""
-    reach = 1.5 * float(np.max(np.abs(z[np.abs(z - 1.0) < 0.05] - 1.0)))
-    inset = axes.inset_axes((0.07, 0.07, 0.34, 0.34))
-    angles = np.linspace(-2.0 * reach, 2.0 * reach, 101)
-    inset.plot(np.cos(angles), np.sin(angles), color=Ink.GREY, linewidth=0.9)
-    inset.plot(z.real, z.imag, "x", color=Ink.VERMILION, markersize=7, markeredgewidth=2)
-    inset.set(xlim=(1.0 - reach, 1.0 + 0.5 * reach), ylim=(-0.75 * reach, 0.75 * reach))
-    inset.set_xticks([1.0 - reach, 1.0], labels=[f"{1.0 - reach:.3g}", "1"], fontsize=8)
-    inset.set_yticks([])
-    inset.spines[:].set_visible(True)
-    inset.set_title("around z = 1", fontsize=8)
+def _crosses(
+    panel: Panel, x: NDArray[np.float64], values: NDArray[np.complex128], color: str, **given: Any
+) -> None:
+    says = [f"{v.real:.5g} {'+-'[v.imag < 0.0]} {abs(v.imag):.5g} i" for v in values.tolist()]
+    panel.dots(x, values.imag, "x", color, size=9.0, says=says, **given)
 
 
 def _closed_loop(analysis: Analysis) -> ClosedLoop:
@@ -201,33 +198,42 @@ def _title(analysis: Analysis, c: ClosedLoop, what: str) -> str:
     return f"{analysis.vehicle.name}: {what}, {c.law} every {c.sample_time:.4g} s{state}"
 
 
-def _bode(magnitude: str) -> tuple[Figure, Axes, Axes]:
-    figure, (top, bottom) = stacked((8.0, 6.5), 1.0, 1.0)
-    top.set_ylabel(magnitude)
-    bottom.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
-    bottom.yaxis.set_major_locator(MultipleLocator(45.0))
-    bottom.margins(y=0.12)  # room for what is written
-    return figure, top, bottom
+def _bode(magnitude: str, title: str) -> tuple[Picture, Panel, Panel]:
+    picture, (top, bottom) = stacked((8.0, 6.5), 1.0, 1.0, title=title)
+    top.y, top.xlog, top.ylog, bottom.xlog = magnitude, True, True, True
+    bottom.x, bottom.y = "frequency [rad/s]", "phase [degrees]"
+    return picture, top, bottom
+
+
+def _with_phases(picture: Picture) -> Picture:
+    """Return a Bode diagram with ticks of a turn's parts, and room for what is written."""
+    bottom = picture.panels[-1]
+    low, high = bottom.limits("y")
+    bottom.ylim = (low - 0.08 * (high - low), high + 0.08 * (high - low))
+    step = 45 if high - low < 405.0 else 90
+    turns = range(step * math.ceil(low / step), math.floor(high) + 1, step)
+    bottom.yticks = {float(turn): f"{turn}" for turn in turns}
+    return picture
 
 
 def _phase(values: NDArray[np.complex128]) -> NDArray[np.float64]:
     return np.degrees(np.unwrap(np.angle(values)))
 
 
-def _mark_gains(axes: Axes, place: _Break) -> None:
+def _mark_gains(panel: Panel, place: _Break) -> None:
     """Draw the distance of |L| from 1 at the frequencies of the gain margins."""
     m = place.margins
     assert m is not None
     for k, at in ((m.gain_up, m.gain_up_frequency), (m.gain_down, m.gain_down_frequency)):
         if at > 0.0 and 0.0 < k < math.inf:
-            axes.vlines(at, min(1.0, 1.0 / k), max(1.0, 1.0 / k), color=place.color)
-            axes.plot(at, 1.0 / k, "o", color=place.color, markersize=5)
-            down = -14 if place.line != "-" else 6  # the labels of two loops keep apart
-            _label(axes, f"gain × {k:.3g}", at, 1.0 / k, place.color, down)
+            panel.between(at, min(1.0, 1.0 / k), max(1.0, 1.0 / k), place.color)
+            panel.dots(at, 1.0 / k, "o", place.color, size=5.0)
+            down = -14.0 if place.line != "-" else 6.0  # the labels of two loops keep apart
+            panel.text(at, 1.0 / k, f"gain × {k:.3g}", color=place.color, shift=(7.0, down))
 
 
 def _mark_phase(
-    axes: Axes, place: _Break, w: NDArray[np.float64], phase: NDArray[np.float64]
+    panel: Panel, place: _Break, w: NDArray[np.float64], phase: NDArray[np.float64]
 ) -> None:
     """Draw the distance of the phase from -180 degrees where |L| is 1."""
     m = place.margins
@@ -235,12 +241,7 @@ def _mark_phase(
     if math.isfinite(m.phase):
         at = m.phase_frequency
         here = float(np.interp(at, w, phase))
-        axes.vlines(at, min(here, -180.0), max(here, -180.0), color=place.color)
-        axes.plot(at, here, "o", color=place.color, markersize=5)
-        _label(axes, f"phase margin {math.degrees(m.phase):.1f}°", at, here, place.color, 6)
-
-
-def _label(axes: Axes, text: str, x: float, y: float, color: str, up: int) -> None:
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 0.5}
-    how: Any = {"textcoords": "offset points", "fontsize": 9, "color": color, "bbox": box}
-    axes.annotate(text, (x, y), (7, up), **how)
+        panel.between(at, min(here, -180.0), max(here, -180.0), place.color)
+        panel.dots(at, here, "o", place.color, size=5.0)
+        text = f"phase margin {math.degrees(m.phase):.1f}°"
+        panel.text(at, here, text, color=place.color, shift=(7.0, 6.0))

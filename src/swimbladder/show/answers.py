@@ -90,7 +90,9 @@ def figure(answer: Answer) -> Figure:
     first = next(shown(answer).drawn(), None)
     if first is None:
         raise NoAnswerError(f"{type(answer).__name__} has no picture: its numbers are in to_dict()")
-    return first.draw()
+    from swimbladder.show.static import figure as drawn_figure
+
+    return drawn_figure(first.draw())
 
 
 def dataframe(answer: Answer) -> pd.DataFrame:

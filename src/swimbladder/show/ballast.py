@@ -6,50 +6,40 @@ from itertools import cycle
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder.design.ballast import Ballasting
 from swimbladder.io.answers import attributes
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.hull import neutral_volume
-from swimbladder.show import style
 from swimbladder.show.parts import Drawn, Part, Shown, labelled
-from swimbladder.show.style import Ink
+from swimbladder.show.picture import Ink, Picture, grid_of
 
 _SEAS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY)
 
 
-@style.styled
-def draw_ballasting(found: Ballasting) -> Figure:
+def draw_ballasting(found: Ballasting) -> Picture:
     """Return neutral volume with its band between the ends of the stroke, density, temperature."""
-    how: Any = {"sharey": True, "width_ratios": (2.2, 1.0, 1.0)}
-    figure, (volume, density, temperature) = style.new_figure((9.0, 5.0), 1, 3, **how)
-    stroke = found.vehicle.stroke
+    several, stroke = len(found.columns) > 1, found.vehicle.stroke
+    sea = f"{len(found.columns)} seas" if several else found.columns[0].source
+    how: Any = {"sharey": "all", "widths": (2.2, 1.0, 1.0), "letters": True, "legend": "below"}
+    title = f"{found.vehicle.name} in {sea}"
+    picture, (volume, density, temperature) = grid_of((9.0, 5.0), 3, 3, title=title, **how)
     for side in (stroke.minimum, stroke.maximum):
-        volume.axvline(1e6 * side, color=Ink.VERMILION, lw=1.2, ls="--", label="ends of the stroke")
-    several, cases = len(found.columns) > 1, f"in {100.0 * found.target.probability:g} % of cases"
+        volume.rule("x", 1e6 * side, Ink.VERMILION, "ends of the stroke", dash="--", width=1.2)
+    cases = f"in {100.0 * found.target.probability:g} % of cases"
     for column, curve, color in zip(found.columns, found.curves, cycle(_SEAS), strict=False):
         named = f"neutral, {column.source}" if several else "neutral volume"
-        volume.plot(1e6 * curve.nominal, curve.depth, color=color, label=named)
-        low, high = 1e6 * curve.low, 1e6 * curve.high
-        volume.fill_betweenx(curve.depth, low, high, color=color, alpha=0.25, lw=0.0, label=cases)
-        density.plot(column.density, column.depth, color=color)
-        temperature.plot(column.temperature, column.depth, color=color)
+        volume.line(1e6 * curve.nominal, curve.depth, color, named)
+        volume.band(curve.depth, 1e6 * curve.low, 1e6 * curve.high, color, cases, flat=True)
+        density.line(column.density, column.depth, color)
+        temperature.line(column.temperature, column.depth, color)
     if found.target.neutral_depth is not None:
-        at = [1e6 * found.target.neutral_volume], [found.target.neutral_depth]
-        volume.plot(*at, "o", color=Ink.GREY, ms=6, label="to be neutral here")
-    volume.set_xlabel("volume of the drive [cm³], 0 at mid-stroke")
-    density.set_xlabel("density in situ [kg/m³]")
-    temperature.set_xlabel("temperature [°C]")
-    style.depth_axis(volume)
-    volume.set_ylim(found.columns[0].deepest, 0.0)
-    ncols = 3 if several else 4
-    style.legend_beside(figure, [volume], "outside lower left", ncols=ncols, fontsize=8.0)
-    density.tick_params(axis="x", labelrotation=45)
-    sea = f"{len(found.columns)} seas" if several else found.columns[0].source
-    figure.suptitle(f"{found.vehicle.name} in {sea}", fontsize=10.0)
-    style.label_panels([volume, density, temperature])
-    return figure
+        at = 1e6 * found.target.neutral_volume, found.target.neutral_depth
+        volume.dots(*at, "o", Ink.GREY, "to be neutral here")
+    volume.x, volume.y = "volume of the drive [cm³], 0 at mid-stroke", "depth [m]"
+    density.x, temperature.x, density.xticks = "density in situ [kg/m³]", "temperature [°C]", 4
+    volume.ylim = (0.0, found.columns[0].deepest)
+    return picture
 
 
 class BallastingShown(Shown[Ballasting]):

@@ -7,88 +7,71 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from swimbladder.errors import SwimbladderError
 from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
 from swimbladder.estimation.comparison.run import FITTABLE
 from swimbladder.io.columns import TAKEN
-from swimbladder.show import style
-from swimbladder.show.parts import (
-    Drawn,
-    Labelled,
-    Part,
-    Shown,
-    Table,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
+from swimbladder.show.picture import Ink, Panel, Picture, stacked
 from swimbladder.units import format_quantity, shown_unit
 
 _Z95 = 1.959963984540054
 
 
-@style.styled
-def draw_ahead(ahead: Ahead) -> Figure:
+def draw_ahead(ahead: Ahead) -> Picture:
     """Return the depths predicted so long before, with their 95 % bands."""
     count = len(ahead.horizons)
-    figure, panels = style.new_figure((7.5, 1.0 + 2.6 * count), count, sharex=True, sharey=True)
-    for axes, horizon in zip(panels, ahead.horizons, strict=True):
-        _panel(ahead, horizon, axes)
-    depth = ahead.record.depth
+    picture, panels = stacked((7.5, 1.0 + 2.6 * count), *[1.0] * count, sharey="all")
+    for panel, horizon in zip(panels, ahead.horizons, strict=True):
+        _panel(ahead, horizon, panel)
+    time, depth = ahead.record.time, ahead.record.depth
     low, high = float(depth.min()), float(depth.max())
     room = 0.25 * max(high - low, 0.1)
-    panels[0].set_ylim(high + room, low - room)
-    time = ahead.record.time
-    panels[-1].set(xlim=(float(time[0]), float(time[-1])), xlabel="time since the first sample [s]")
-    return figure
+    panels[0].ylim, panels[0].xlim = (low - room, high + room), (float(time[0]), float(time[-1]))
+    panels[-1].x = "time since the first sample [s]"
+    return picture
 
 
-def _panel(ahead: Ahead, h: Horizon, axes: Axes) -> None:
+def _panel(ahead: Ahead, h: Horizon, panel: Panel) -> None:
     time = ahead.record.time[h.target]
     order = np.argsort(h.target)
     apart = np.flatnonzero(np.diff(h.target[order]) > 1) + 1  # no line over what is not predicted
     label = f"predicted {h.seconds:g} s before"
-    shown: Any = {"color": Ink.SKY, "alpha": 0.35, "lw": 0, "label": "95 % band"}
     for part in np.split(order, apart):
         middle, half = h.predicted[part], _Z95 * h.std[part]
-        axes.fill_between(time[part], middle - half, middle + half, **shown)
-        axes.plot(time[part], middle, color=Ink.VERMILION, lw=1.2, label=label)
-    axes.plot(ahead.record.time, ahead.record.depth, color=Ink.BLACK, lw=0.9, label="measured")
+        panel.band(time[part], middle - half, middle + half, Ink.SKY, "95 % band", alpha=0.35)
+        panel.line(time[part], middle, Ink.VERMILION, label, width=1.2)
+    panel.line(ahead.record.time, ahead.record.depth, Ink.BLACK, "measured", width=0.9)
     skill = h.skill["persistence"]
     said = "" if skill is None else f", skill {skill:.2f} against a depth that stays"
-    title = f"{h.seconds:g} s ahead: rms {1e3 * h.rms:.0f} mm{said}"
-    axes.set_title(title, loc="left", fontsize=10.0)
-    style.depth_axis(axes)
-    style.legend_above(axes, loc="upper right", bbox_to_anchor=None, ncols=3)
+    panel.title = f"{h.seconds:g} s ahead: rms {1e3 * h.rms:.0f} mm{said}"
+    panel.y, panel.legend = "depth [m]", "upper right"
 
 
-@style.styled
-def draw_comparison(comparison: Comparison) -> Figure:
+def draw_comparison(comparison: Comparison) -> Picture:
     """Return measured and predicted depth, the residual and the input."""
-    figure, (depth, residual, driven) = style.stacked((7.5, 6.4), 3.0, 1.4, 1.6)
+    picture, (depth, residual, driven) = stacked((7.5, 6.4), 3.0, 1.4, 1.6)
     record = comparison.record
-    for axes in (depth, residual):
-        style.shade(axes, record.time, ~record.compared, "not compared")
+    for panel in (depth, residual):
+        panel.shade(record.time, ~record.compared, "not compared")
     if record.reference is not None:
-        style.setpoint(depth, record.time, record.reference)
-    depth.plot(record.time, record.depth, color=Ink.BLACK, lw=1.0, label="measured")
-    depth.plot(record.time, comparison.predicted, color=Ink.VERMILION, lw=1.3, label="predicted")
-    style.depth_axis(depth)
-    depth.margins(y=0.08)
-    style.legend_above(depth)
-    residual.axhline(0.0, color=Ink.BLACK, lw=0.8)
-    residual.plot(record.time, 1e3 * comparison.residual, color=Ink.VERMILION, lw=0.9)
+        depth.setpoint(record.time, record.reference)
+    depth.line(record.time, record.depth, Ink.BLACK, "measured", width=1.0)
+    depth.line(record.time, comparison.predicted, Ink.VERMILION, "predicted", width=1.3)
+    residual.rule("y", 0.0, Ink.BLACK)
+    residual.line(record.time, 1e3 * comparison.residual, Ink.VERMILION, width=0.9)
     largest = 1.15e3 * max(comparison.largest, 1e-3)
-    residual.set(ylim=(-largest, largest), ylabel="predicted less\nmeasured [mm]")
+    residual.ylim, residual.legend = (-largest, largest), ""
     _input(comparison, driven)
-    ends = (float(record.time[0]), float(record.time[-1]))
-    driven.set(xlabel="time since the first sample [s]", xlim=ends)
-    figure.suptitle(_title(comparison), x=0.01, ha="left", fontsize=10.0)
-    figure.align_ylabels([depth, residual, driven])
-    return figure
+    driven.x, driven.xlim = (
+        "time since the first sample [s]",
+        (float(record.time[0]), float(record.time[-1])),
+    )
+    depth.y, residual.y = "depth [m]", "predicted less\nmeasured [mm]"
+    picture.title = _title(comparison)
+    return picture
 
 
 def _title(c: Comparison) -> str:
@@ -98,24 +81,23 @@ def _title(c: Comparison) -> str:
     return f"{c.vehicle.name} driven by the logged {driven}: {off}, {share}"
 
 
-def _input(c: Comparison, axes: Axes) -> None:
+def _input(c: Comparison, panel: Panel) -> None:
     rec = c.record
     if rec.drive == "voltage" and rec.voltage is not None:
-        axes.step(rec.time, rec.voltage, where="post", color=Ink.BLUE, lw=0.9)
-        axes.set_ylabel("voltage [V]")
+        panel.steps(rec.time, rec.voltage, width=0.9)
+        panel.y = "voltage [V]"
         return
     if rec.volume is not None:
-        axes.plot(rec.time, 1e6 * rec.volume, color=Ink.BLACK, lw=0.8, label="measured")
+        panel.line(rec.time, 1e6 * rec.volume, Ink.BLACK, "measured", width=0.8)
     if rec.drive == "setpoint":
-        axes.plot(rec.time, 1e6 * c.volume, color=Ink.VERMILION, lw=1.0, label="predicted")
+        panel.line(rec.time, 1e6 * c.volume, Ink.VERMILION, "predicted", width=1.0)
     neutral = 1e6 * np.array([c.vehicle.neutral_volume(z) for z in rec.depth.tolist()])
-    axes.plot(rec.time, neutral, color=Ink.SKY, lw=1.0, label="neutral")
+    panel.line(rec.time, neutral, Ink.SKY, "neutral", width=1.0)
+    low, high = panel.limits("y")
     for stop in (c.vehicle.stroke.minimum * 1e6, c.vehicle.stroke.maximum * 1e6):
-        low, high = axes.get_ylim()
         if low < stop < high:
-            axes.axhline(stop, color=Ink.ORANGE, ls=":", lw=1.0, label="end stop")
-    axes.set_ylabel("volume [cm³]")
-    style.legend_above(axes)
+            panel.rule("y", stop, Ink.ORANGE, "end stop", dash=":", width=1.0)
+    panel.y = "volume [cm³]"
 
 
 _ROUNDING = 1e-6  # of a difference between a log and the model: less is no number to print

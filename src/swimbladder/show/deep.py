@@ -7,46 +7,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder.estimation.motion.deep import DeepIdentification
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show import style
 from swimbladder.show.files import Gone
 from swimbladder.show.identification import MARK, check_folder
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
-from swimbladder.show.style import Ink
+from swimbladder.show.picture import Ink, Picture, grid_of
 from swimbladder.units import shown_unit, unit_factor
 
 _DIVES = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.PURPLE, Ink.SKY, Ink.VERMILION)
 _DBAR = 1e4  # Pa
 
 
-@style.styled
-def draw_deep(found: DeepIdentification) -> Figure:
+def draw_deep(found: DeepIdentification) -> Picture:
     """Return pressure over time of every dive, and the imbalance of its volumes over pressure."""
-    figure, (dives, imbalance) = style.new_figure((9.0, 7.0), 2)
+    picture, (dives, imbalance) = grid_of((9.0, 7.0), 2, 1, letters=True)
     begin = 0.0
     for dive, color in zip(found.dives, cycle(_DIVES), strict=False):
         start, replay, pieces = dive.dive.time[0] - 3600.0 * begin, dive.replay, dive.dive.pieces
-        hours, pressure = (dive.dive.time - start) / 3600.0, dive.dive.pressure / _DBAR
-        dives.plot(hours, pressure, ".", color=color, ms=3.0, label="measured")
+        hours = (dive.dive.time - start) / 3600.0
+        dives.dots(hours, dive.dive.pressure / _DBAR, ".", color, "measured", size=3.0)
         again = (replay.time - start) / 3600.0, replay.pressure / _DBAR
-        dives.plot(*again, color=Ink.BLACK, lw=0.9, label="model from its first sample")
+        dives.line(*again, Ink.BLACK, "model from its first sample", width=0.9)
         name = dive.dive.name.rpartition("/")[2]
         off = pieces.pressure / _DBAR, 1e6 * dive.imbalance
-        imbalance.plot(*off, ".", color=color, ms=3.0, label=name)
+        imbalance.dots(*off, ".", color, name, size=3.0)
         begin = float(hours[-1]) + 2.0
-    style.depth_axis(dives, "pressure [dbar]")
-    dives.set_xlabel("time [h], one dive after the other")
+    dives.x, dives.y = "time [h], one dive after the other", "pressure [dbar]"
     limit = 1.1e6 * max(float(np.percentile(np.abs(t.imbalance), 99.5)) for t in found.dives)
-    imbalance.axhline(0.0, color=Ink.BLACK, lw=0.8)
-    imbalance.set(ylim=(-limit, limit), xlabel="pressure [dbar]", ylabel="volume imbalance [cm³]")
-    for axes, how in ((dives, {}), (imbalance, {"fontsize": 7.0, "ncols": 3})):
-        # outside: there is a curve in every corner
-        style.legend_above(axes, bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2, **how)
-    style.label_panels([dives, imbalance])
-    return figure
+    imbalance.rule("y", 0.0, Ink.BLACK)
+    imbalance.ylim, imbalance.legend = (-limit, limit), "beside"
+    imbalance.x, imbalance.y = "pressure [dbar]", "volume imbalance [cm³]"
+    return picture
 
 
 class DeepIdentificationShown(Shown[DeepIdentification]):

@@ -6,25 +6,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
 from swimbladder.design.plan import Move, plan_file
-from swimbladder.show import style
 from swimbladder.show.estimates import row
-from swimbladder.show.parts import (
-    Drawn,
-    Labelled,
-    Part,
-    Shown,
-    Table,
-    labelled,
-    severity,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled, severity
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.PURPLE)
 _ACROSS = 3
@@ -38,43 +27,35 @@ def groups(design: Design) -> list[tuple[int, ...]]:
     return [tuple(numbers) for numbers in found.values()]
 
 
-@style.styled
-def draw_plan(design: Design) -> Figure:
+def draw_plan(design: Design) -> Picture:
     """Return the traces to expect, a panel for each kind of experiment."""
     kinds = groups(design)
     across = min(_ACROSS, len(kinds))
-    down = math.ceil(len(kinds) / across)
-    figure = Figure(figsize=(max(2.9 * across, 5.0), 2.7 * down + 0.5))
-    panels = style.grid_of(figure, len(kinds), across, sharey=True)
-    for axes, numbers in zip(panels, kinds, strict=True):
-        _trace(design, numbers, axes)
-    style.depth_axis(panels[0], "")
-    for k, axes in enumerate(panels):
-        if k % across == 0:
-            axes.set_ylabel("depth [m]")
-        if k + across >= len(kinds):
-            axes.set_xlabel("time since the release [s]")
-    style.legend_beside(figure, panels[:1], "outside lower center")
-    return figure
+    size = (max(2.9 * across, 5.0), 2.7 * math.ceil(len(kinds) / across) + 0.5)
+    picture, panels = grid_of(size, len(kinds), across, sharey="all", legend="below")
+    for k, (panel, numbers) in enumerate(zip(panels, kinds, strict=True)):
+        _trace(design, numbers, panel)
+        panel.y = "depth [m]" if k % across == 0 else ""
+        panel.x = "time since the release [s]" if k + across >= len(kinds) else ""
+    return picture
 
 
-def _trace(design: Design, numbers: Sequence[int], axes: Axes) -> None:
+def _trace(design: Design, numbers: Sequence[int], panel: Panel) -> None:
     at, s = numbers[0] - 1, design.conditions.setting
     for flights in design.chosen.others:
         f = flights[at]
-        time, label = f.time - f.time[f.moved[0]], "parameter region"
-        axes.plot(time, f.depth, color=Ink.SKY, lw=0.8, alpha=0.8, label=label)
+        since = f.time - f.time[f.moved[0]]
+        panel.line(since, f.depth, Ink.SKY, "parameter region", width=0.8, alpha=0.8)
     f = design.chosen.flights[at]
     time, moved = f.time - f.time[f.moved[0]], list(f.moved)
-    axes.plot(time, f.depth, color=Ink.BLACK, label="vehicle as given")
-    label = "change of volume"
-    axes.plot(time[moved], f.depth[moved], "o", color=Ink.VERMILION, ms=4.5, label=label)
+    panel.line(time, f.depth, Ink.BLACK, "vehicle as given")
+    panel.dots(time[moved], f.depth[moved], "o", Ink.VERMILION, "change of volume", size=4.5)
     for depth in (s.shallowest, s.deepest):
-        axes.axhline(depth, color=Ink.GREY, ls=":", lw=1.0)
-    axes.axhline(s.bottom_depth, color=Ink.GREY, lw=2.0)
-    axes.set_ylim(s.bottom_depth + 0.05 * s.bottom_depth, 0.0)
+        panel.rule("y", depth, dash=":", width=1.0)
+    panel.rule("y", s.bottom_depth, width=2.0)
+    panel.ylim = (0.0, 1.05 * s.bottom_depth)
     volumes = ", ".join(f"{1e6 * move.volume:+.3g}" for move in f.release.moves)
-    axes.set_title(f"{_title(numbers)}\n{volumes} cm³", fontsize=9.0, loc="left")
+    panel.title = f"{_title(numbers)}\n{volumes} cm³"
 
 
 def _title(numbers: Sequence[int]) -> str:
@@ -88,48 +69,40 @@ def _title(numbers: Sequence[int]) -> str:
     return f"Experiment{'s' if len(numbers) > 1 else ''} {', '.join(said)}"
 
 
-@style.styled
-def draw_design(design: Design) -> Figure:
+def draw_design(design: Design) -> Picture:
     """Return what the pool time buys: errors as experiments are done, and sizes of single steps."""
-    figure, (after, size) = style.new_figure((8.2, 3.9), 1, 2)
+    picture, (after, size) = grid_of((8.2, 3.9), 2, 2, letters=True, legend="below")
     _after(design, after)
     _sizes(design, size)
-    style.label_panels([after, size])
-    return figure
+    return picture
 
 
-def _after(design: Design, axes: Axes) -> None:
+def _after(design: Design, panel: Panel) -> None:
     names = design.chosen.prediction.names
     sets = [(design.chosen, "-", "o", "planned")]
     if design.against is not None:
         sets.append((design.against, "--", "s", design.rival))
-    for evaluated, line, marker, label in sets:
+    for evaluated, dash, marker, label in sets:
         settling = design.conditions.setting.settling
         time = np.cumsum([settling + f.duration for f in evaluated.flights]) / 60.0
         for name, color in zip(names, _COLORS, strict=False):
             shares = 100.0 * np.array([a[name] for a in evaluated.after], float)
-            how: Any = {"marker": marker, "ms": 3.5, "label": f"{_symbol(name)}, {label}"}
-            axes.plot(time, shares, line, color=color, lw=1.2, **how)
-    axes.set(yscale="log", xlabel="pool time, settling included [min]")
-    axes.set_ylabel("1 sigma [% of the parameter]")
-    axes.legend(fontsize=7.5, ncols=len(sets), loc="upper right")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high * 4.0)
-    style.plain_log_ticks(axes, "y")
+            how: Any = {"dash": dash, "marker": marker, "size": 3.5, "width": 1.2}
+            panel.line(time, shares, color, f"{_symbol(name)}, {label}", **how)
+    panel.x, panel.y = "pool time, settling included [min]", "1 sigma [% of the parameter]"
+    panel.ylog = True
 
 
-def _sizes(design: Design, axes: Axes) -> None:
+def _sizes(design: Design, panel: Panel) -> None:
     c = design.curve
     for errors, mark, color, label in (
-        (c.steps, "s-", Ink.ORANGE, "single steps"),
-        (c.to_and_fro, "o-", Ink.GREEN, "to and fro"),
+        (c.steps, "s", Ink.ORANGE, "single steps"),
+        (c.to_and_fro, "o", Ink.GREEN, "to and fro"),
     ):
-        axes.plot(1e6 * c.sizes, 100.0 * errors, mark, color=color, ms=3.5, label=label)
-    axes.axhline(100.0 * design.chosen.largest, color=Ink.BLACK, lw=1.0, label="planned")
-    axes.set(xscale="log", yscale="log", xlabel="change of volume [cm³]")
-    axes.set_ylabel("largest error after the same time [%]")
-    axes.legend(fontsize=8.0)
-    style.plain_log_ticks(axes, "x", "y")
+        panel.line(1e6 * c.sizes, 100.0 * errors, color, label, marker=mark, size=3.5)
+    panel.rule("y", 100.0 * design.chosen.largest, Ink.BLACK, "planned", width=1.0)
+    panel.x, panel.y = "change of volume [cm³]", "largest error after the same time [%]"
+    panel.xlog = panel.ylog = True
 
 
 def _symbol(name: str) -> str:

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder.design.energy import (
     DriveEnergy,
@@ -19,10 +18,9 @@ from swimbladder.design.energy import (
 from swimbladder.design.energy.fit import run_columns
 from swimbladder.design.energy.run import dive_columns, fit_sentences, spread_indices
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show import style
 from swimbladder.show.files import Gone
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
-from swimbladder.show.style import Ink
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
@@ -38,90 +36,90 @@ _STAGES = {
 _DAY_ML = 86400.0 * 1e6  # mL/day per m3/s
 
 
-@style.styled
-def draw_energy(answer: Energy) -> Figure:
+def draw_energy(answer: Energy) -> Picture:
     """Return energy per volume, rates, power and efficiencies over depth, and the map."""
     found = answer.drive
-    figure, panels = style.new_figure((11.0, 7.0), 2, 3)
+    title = f"{found.vehicle.name}, {found.vehicle.actuator.kind}"
+    how: Any = {"title": title, "letters": True, "legend": "below", "across": 6}
+    picture, panels = grid_of((11.0, 7.0), 6, 3, **how)
     per, rate, power, chain, last, into = panels
     z, m = found.column.depth, found.map
-    per.plot(found.per_volume * 1e-6, z, color=Ink.BLUE, label="from the battery")
+    per.line(found.per_volume * 1e-6, z, label="from the battery")
     pressure = found.column.pressure * 1e-6
-    per.plot(pressure, z, color=Ink.BLACK, ls="--", label="into the water, p dV")
-    per.set_xlabel("energy per volume pressed out [J/mL]")
-    per.legend()
-    rate.plot(m.rate_out * 1e6, z, color=Ink.BLUE)
-    rate.set_xlabel("volume rate pressed out [mL/s]")
-    power.plot(m.power_out, z, color=Ink.BLUE, label="pressing out")
+    per.line(pressure, z, Ink.BLACK, "into the water, p dV", dash="--")
+    rate.line(m.rate_out * 1e6, z)
+    power.line(m.power_out, z, label="displacing")
     if np.any(m.holding_power > 0.0):
-        power.plot(m.holding_power, z, color=Ink.VERMILION, ls="--", label="holding the volume")
-    power.set_xlabel("power from the battery [W]")
-    power.legend()
-    chain.plot(found.efficiency, z, color=Ink.BLACK, lw=2.2, label="the whole")
+        power.line(m.holding_power, z, Ink.VERMILION, "holding the volume", dash="--")
+    chain.line(found.efficiency, z, Ink.BLACK, "the whole", width=2.2)
     for name, values in found.stages.items():
-        chain.plot(values, z, color=_STAGES[name], label=name)
-    chain.set(xlim=(0.0, 1.02), xlabel="efficiency [-]")
-    figure.legend(handles=chain.get_lines(), loc="outside lower left", ncols=7, fontsize=8.0)
+        chain.line(values, z, _STAGES[name], name)
+    into.line(m.rate_in * 1e6, z)
+    per.x, rate.x = "energy per volume displaced [J/mL]", "volume rate out [mL/s]"
+    power.x, chain.x = "power from the battery [W]", "efficiency [-]"
+    into.x, last.x = "volume rate in [mL/s]", "leakage at rest [mL/day]"
     if found.efficiencies.size:
-        best = float(np.nanmax(found.efficiencies, initial=0.01))
-        step = 0.02 if best < 0.4 else 0.05
-        how: Any = {"levels": np.arange(0.0, best + step, step), "cmap": "cividis"}
-        shown = last.contourf(100.0 * found.shares, z, found.efficiencies.T, **how)
-        figure.colorbar(shown, ax=last, label="efficiency [-]")
-        last.set_xlabel("share of the full voltage [%]")
-        last.grid(visible=False)
+        _map(last, found)
     else:
-        last.plot(m.leakage * _DAY_ML, z, color=Ink.BLUE)
-        last.set_xlabel("leakage at rest [mL/day]")
-    into.plot(m.rate_in * 1e6, z, color=Ink.BLUE)
-    into.set_xlabel("volume rate let in [mL/s]")
-    for axes in panels:
-        style.depth_axis(axes)
-        axes.set_ylim(z[-1], 0.0)
-        if axes not in (chain, last):
-            axes.set_xlim(left=0.0)
-    style.label_panels(panels)
-    figure.suptitle(f"{found.vehicle.name}, {found.vehicle.actuator.kind}", fontsize=10.0)
-    return figure
+        last.line(m.leakage * _DAY_ML, z)
+    for panel in panels:
+        panel.y, panel.ylim, panel.xlim = "depth [m]", (0.0, float(z[-1])), (0.0, None)
+    chain.xlim = (0.0, 1.02)
+    last.xlim = (0.0, 100.0) if found.efficiencies.size else (None, None)
+    return picture
 
 
-@style.styled
-def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Figure:
+def _map(panel: Panel, found: DriveEnergy) -> None:
+    """Fill the plane of voltage and depth with the efficiency there."""
+    best = float(np.nanmax(found.efficiencies, initial=0.01))
+    step = 0.02 if best < 0.4 else 0.05
+    shares = np.linspace(found.shares[0], found.shares[-1], _ACROSS)
+    some = np.unique(np.linspace(0, found.column.depth.size - 1, _ACROSS).astype(int))
+    rows = [np.interp(shares, found.shares, row) for row in found.efficiencies.T[some]]
+    kinds = np.nan_to_num(np.array(rows) // step, nan=-1.0).astype(int)
+    count = int(kinds.max(initial=0)) + 1
+    shown = np.linspace(0.0, len(_CIVIDIS) - 1.0, count)
+    colors = np.array([[int(c[k : k + 2], 16) for k in (1, 3, 5)] for c in _CIVIDIS])
+    parts = [np.interp(shown, np.arange(len(colors)), part).astype(int) for part in colors.T]
+    hexes = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in zip(*parts, strict=True)]
+    panel.cells(100.0 * shares, found.column.depth[some], kinds, hexes)
+    panel.x, panel.grid = "share of the full voltage [%]", ""
+    panel.title = f"efficiency, 0 (dark) to {step * count:.2g} (bright)"
+
+
+_ACROSS = 81  # columns of the map, and rows
+_CIVIDIS = ("#00224e", "#35456c", "#666970", "#948e77", "#c8b866", "#fee838")
+
+
+def draw_versus(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Picture:
     """Return the break-even time of hovering, and the energy of dives, over depth."""
-    figure, (left, right) = style.new_figure((9.0, 4.2), 1, 2)
+    picture, panels = grid_of((9.0, 4.2), 2, 2, letters=True)
+    left, right = panels
     z = found.column.depth
-    shown = np.where(np.isfinite(hover.break_even), hover.break_even, np.nan)
-    left.plot(shown / 3600.0, z, color=Ink.BLUE)
-    left.set(xscale="log", xlabel="time of hovering at break-even [h]")
-    title = f"{hover.weight_error * 1e6:.3g} mL too heavy: right of it the engine takes less"
-    left.set_title(title, fontsize=9.0, loc="right")
-    for energy, color, line, label in (
+    left.line(np.where(np.isfinite(hover.break_even), hover.break_even, np.nan) / 3600.0, z)
+    left.x, left.y = "time of hovering at break-even [h]", "depth [m]"
+    weight = f"{hover.weight_error * 1e6:.3g} mL too heavy"
+    left.note = f"{weight}: right of it the engine takes less"
+    for energy, color, dash, label in (
         (dive.engine, Ink.BLUE, "-", "buoyancy engine"),
         (dive.thruster, Ink.VERMILION, "--", "thruster"),
         (dive.drag, Ink.BLACK, ":", "drag alone"),
     ):
-        right.plot(energy[1:] * 1e-3, dive.depth[1:], color=color, ls=line, label=label)
+        right.line(energy[1:] * 1e-3, dive.depth[1:], color, label, dash=dash)
     if 0.0 < dive.break_even < np.inf:
-        right.axhline(dive.break_even, color=Ink.GREY, lw=1.0)
-        at, text = (0.02, dive.break_even), f"break-even {rounded(dive.break_even, 3)} m"
-        how: Any = {"xycoords": ("axes fraction", "data"), "ha": "left", "va": "bottom"}
-        right.annotate(text, at, **how, fontsize=9.0)
-    right.set(xscale="log", xlabel="energy of a dive and back [kJ]")
-    right.set_title(f"at {dive.speed:g} m/s", fontsize=9.0, loc="right")
-    right.legend()
-    for axes, label in ((left, "depth [m]"), (right, "depth of the turn [m]")):
-        style.plain_log_ticks(axes, "x")
-        style.depth_axis(axes, label)
-        axes.set_ylim(z[-1], 0.0)
-    style.label_panels([left, right])
-    return figure
+        right.rule("y", dive.break_even, width=1.0)
+        right.text(0.02, dive.break_even, f"break-even {rounded(dive.break_even, 3)} m", share="x")
+    right.x, right.y = "energy of a dive and back [kJ]", "depth of the turn [m]"
+    right.title, right.legend = f"at {dive.speed:g} m/s", "best"
+    for panel in panels:
+        panel.xlog, panel.ylim = True, (0.0, float(z[-1]))
+    return picture
 
 
-@style.styled
-def draw_fit(fit: PumpFit) -> Figure:
+def draw_fit(fit: PumpFit) -> Picture:
     """Return power and delivery of the runs over pressure with what was found, and the dives."""
     delivery = "delivery" in fit.parameters
-    figure, panels = style.new_figure((9.0, 4.2), 1, 2 + delivery)
+    picture, panels = grid_of((9.0, 4.2), 2 + delivery, 2 + delivery, letters=True)
     r, kept = fit.runs, fit.kept
     p, t = r.pressure[kept], r.duration[kept]
     line = np.linspace(0.0, p.max(), 100)
@@ -131,37 +129,34 @@ def draw_fit(fit: PumpFit) -> Figure:
     at = "runs, start added"
     at += "\nat 15 °C" if "power_per_temperature" in fit.parameters else ""
     at += f"\nat {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
-    panels[0].plot(p / 1e4, settled, ".", color=Ink.SKY, ms=3.0, label=at)
+    panels[0].dots(p / 1e4, settled, ".", Ink.SKY, at, size=3.0)
     power = fit.value("idle_power") + fit.value("power_per_pressure") * line
-    panels[0].plot(line / 1e4, power, color=Ink.BLUE, label="found")
-    panels[0].set_ylabel("electrical power [W]")
+    panels[0].line(line / 1e4, power, label="found")
+    panels[0].y = "electrical power [W]"
     if delivery and r.volume is not None:
         rate = (r.volume[kept] + fit.value("start_volume")) / t * 1e6
-        panels[1].plot(p / 1e4, rate, ".", color=Ink.SKY, ms=3.0, label="runs, start added")
+        panels[1].dots(p / 1e4, rate, ".", Ink.SKY, "runs, start added", size=3.0)
         steady = fit.value("delivery") - fit.value("slip") * line
-        panels[1].plot(line / 1e4, steady * 1e6, color=Ink.BLUE, label="found")
-        panels[1].set_ylabel("delivery [mL/s]")
-    for axes in panels[:-1]:
-        axes.set(xlabel="pressure [dbar]", ylim=(0.0, None))
-        axes.legend(loc="best")
+        panels[1].line(line / 1e4, steady * 1e6, label="found")
+        panels[1].y = "delivery [mL/s]"
+    for panel in panels[:-1]:
+        panel.x, panel.ylim, panel.legend = "pressure [dbar]", (0.0, None), "best"
     last = panels[-1]
     if fit.dives:
         measured = np.array([d.energy for d in fit.dives]) * 1e-3
         predicted = np.array([d.predicted for d in fit.dives]) * 1e-3
         ends = np.array([0.0, 1.05 * max(measured.max(), predicted.max())])
-        shade: Any = {"color": Ink.GREY, "alpha": 0.25, "lw": 0.0, "label": "10 %"}
-        last.fill_between(ends, 0.9 * ends, 1.1 * ends, **shade)
-        last.plot(measured, predicted, "o", color=Ink.BLUE, ms=4.0, label="dives")
-        last.set(xlabel="energy as logged [kJ]", ylabel="predicted from the other dives [kJ]")
-        last.set(xlim=(0.0, ends[1]), ylim=(0.0, ends[1]))
-        last.legend(loc="upper left")
+        last.band(ends, 0.9 * ends, 1.1 * ends, Ink.GREY, "10 %")
+        last.dots(measured, predicted, "o", label="dives", size=4.0)
+        last.x, last.y = "energy as logged [kJ]", "predicted from the other dives [kJ]"
+        last.xlim = last.ylim = (0.0, float(ends[1]))
+        last.legend = "upper left"
     else:
         fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p
-        last.plot(p / 1e4, settled - fitted, ".", color=Ink.BLUE, ms=3.0)
-        last.axhline(0.0, color=Ink.BLACK, lw=0.8)
-        last.set(xlabel="pressure [dbar]", ylabel="power less what was found [W]")
-    style.label_panels(panels)
-    return figure
+        last.dots(p / 1e4, settled - fitted, ".", size=3.0)
+        last.rule("y", 0.0, Ink.BLACK)
+        last.x, last.y = "pressure [dbar]", "power less what was found [W]"
+    return picture
 
 
 HEAD = "Pump found by swimbladder energy --fit."

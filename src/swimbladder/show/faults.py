@@ -3,21 +3,12 @@
 import math
 from collections.abc import Iterator
 from functools import partial
+from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from swimbladder.show import style
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-    Table,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
+from swimbladder.show.picture import Ink, Picture, grid_of, stacked
 from swimbladder.sim.faults import FaultResult
 from swimbladder.sim.faults.draw import TRACE
 from swimbladder.sim.faults.kinds import KINDS
@@ -31,12 +22,11 @@ _FLOWN = (  # label, colour, line
 _LONGER = 1.3  # of the supervised flight and that with ideal detection: the rest is cut
 
 
-@style.styled
-def draw_campaign(flown: FaultResult) -> Figure:
+def draw_campaign(flown: FaultResult) -> Picture:
     """Return, for each kind of fault, the outcomes of its missions and the detection time."""
     lines = flown.lines()[:-1][::-1]
-    size = (10.0, 0.28 * len(lines) + 1.6)
-    figure, (fate, soon) = style.new_figure(size, 1, 2, sharey=True, width_ratios=(3.0, 2.0))
+    how: Any = {"sharey": "all", "widths": (3.0, 2.0), "letters": True, "legend": "below"}
+    picture, (fate, soon) = grid_of((10.0, 0.28 * len(lines) + 1.6), 2, 2, across=2, **how)
     rows = np.arange(len(lines))
     names = "missions recoverable recovered recovered_by_supervisor unrecoverable_surfaced"
     counted = [[getattr(line, name) for name in names.split()] for line in lines]
@@ -50,64 +40,59 @@ def draw_campaign(flown: FaultResult) -> Figure:
         ("not recoverable", missions - able - surfaced, "#BDBDBD"),
     ):
         share = 100.0 * counts / missions
-        fate.barh(rows, share, left=left, color=color, label=label, height=0.75)
+        fate.bars(rows, share, color, label, base=left.copy(), thick=0.75, flat=True)
         left += share
-    fate.set_yticks(rows, [line.name for line in lines])
-    fate.set(xlim=(0.0, 100.0), ylim=(-0.7, len(lines) - 0.3), xlabel="missions [%]")
-    fate.grid(visible=False, axis="y")
-    figure.legend(loc="outside lower center", ncols=2)
-    for row, line in zip(rows, lines, strict=True):
+    fate.yticks = {row: line.name for row, line in enumerate(lines)}
+    fate.xlim, fate.ylim, fate.x = (0.0, 100.0), (-0.7, len(lines) - 0.3), "missions [%]"
+    fate.grid = "x"
+    for row, line in enumerate(lines):
         if not math.isnan(line.detection_time_median):
             low, high = max(line.detection_time_median, 0.1), max(line.detection_time_95, 0.1)
-            soon.plot([low, high], [row, row], color=Ink.GREY, lw=1.5, zorder=1)
-            soon.plot(low, row, "o", color=Ink.BLACK, ms=4.0)
-            soon.plot(high, row, "|", color=Ink.BLACK, ms=9.0)
-    soon.set_xscale("log")
-    soon.axvline(60.0, color=Ink.ORANGE, lw=1.0, ls="--")
-    style.plain_log_ticks(soon, "x")
-    soon.set_xlabel("detection time [s]: median (dot),\n95 % (bar); dashed: 60 s")
-    style.label_panels([fate, soon])
+            soon.line([low, high], [row, row], Ink.GREY, layer=1.0)
+            soon.dots(low, row, "o", Ink.BLACK, size=4.0)
+            soon.dots(high, row, "|", Ink.BLACK, size=9.0)
+    soon.rule("x", 60.0, Ink.ORANGE, width=1.0, dash="--")
+    soon.xlog, soon.x = True, "detection time [s]: median (dot),\n95 % (bar); dashed: 60 s"
     vehicle = flown.course.vehicle
     law = "" if vehicle.controller is None else f", law {vehicle.controller.law}"
-    title = f"{vehicle.name}{law}: {len(flown.faulty)} missions with faults"
-    figure.suptitle(title, fontsize=10.5)
-    return figure
+    picture.title = f"{vehicle.name}{law}: {len(flown.faulty)} missions with faults"
+    return picture
 
 
-@style.styled
-def draw_mission(flown: Flown) -> Figure:
+def draw_mission(flown: Flown) -> Picture:
     """Return depth, volume, voltage and battery of a mission, and what the sensors said."""
-    figure, (depth, volume, command, battery) = style.stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0)
+    how: Any = {"legend": "below", "across": 3}
+    picture, panels = stacked((8.0, 9.0), 3.0, 2.0, 1.5, 1.0, **how)
+    depth, volume, command, battery = panels
     seen, tick = {name: flown.rows[0][:, column] for name, column in TRACE.items()}, flown.tick
     time = tick * np.arange(len(flown.rows[0]))
     shown = _LONGER * max(tick * len(flown.rows[k]) for k in (0, -1))
-    depth.plot(time, seen["depth_seen"], color=Ink.ORANGE, lw=0.8, zorder=3, label="sensor")
+    depth.line(time, seen["depth_seen"], Ink.ORANGE, "sensor", width=0.8, layer=3.0)
     for rows, (label, color, line) in [*zip(flown.rows, _FLOWN, strict=False)][::-1]:
         t = tick * np.arange(len(rows))
         label += f", to {t[-1]:.0f} s" if t[-1] > shown else ""
-        depth.plot(t, rows[:, TRACE["depth"]], color=color, ls=line, label=label)
-        volume.plot(t, 1e6 * rows[:, TRACE["volume"]], color=color, ls=line)
-    _frame(volume, [1e6 * rows[:, TRACE["volume"]] for rows in flown.rows])
-    volume.plot(time, 1e6 * seen["volume_seen"], color=Ink.ORANGE, lw=0.8, zorder=3)
-    depth.plot(time, seen["reference"], color=Ink.BLACK, lw=0.8, ls="-.", label="set-point")
+        depth.line(t, rows[:, TRACE["depth"]], color, label, dash=line)
+        volume.line(t, 1e6 * rows[:, TRACE["volume"]], color, dash=line)
+    # what was, whatever a sensor that drifts says of it
+    low, high = volume.limits("y")
+    volume.ylim = (low - 1.0, high + 1.0)
+    volume.line(time, 1e6 * seen["volume_seen"], Ink.ORANGE, width=0.8, layer=3.0)
+    depth.line(time, seen["reference"], Ink.BLACK, "set-point", width=0.8, dash="-.")
     deepest = max(float(np.nanmax(rows[:, TRACE["depth"]])) for rows in flown.rows)
-    depth.set_ylim(1.15 * deepest + 1.0, -0.1 * deepest - 1.0)
-    style.depth_axis(depth)
+    depth.ylim = (-0.1 * deepest - 1.0, 1.15 * deepest + 1.0)
     unit = {"voltage": "V", "volume": "m³", "volume change": "s"}[flown.course.vehicle.command]
-    command.plot(time, seen["command"], color=Ink.SKY, lw=0.8, label="commanded")
-    command.plot(time, seen["applied"], color=Ink.BLACK, lw=0.8, label="at the actuator")
-    battery.plot(time, seen["battery"], color=Ink.BLACK, lw=0.8)
-    volume.set_ylabel("volume [cm³]")
-    command.set_ylabel(f"command [{unit}]")
-    battery.set(ylabel="battery [V]", xlabel="time [s]")
+    command.line(time, seen["command"], Ink.SKY, "commanded", width=0.8)
+    command.line(time, seen["applied"], Ink.BLACK, "at the actuator", width=0.8)
+    battery.line(time, seen["battery"], Ink.BLACK, width=0.8)
+    depth.y, volume.y, command.y = "depth [m]", "volume [cm³]", f"command [{unit}]"
+    battery.y, battery.x = "battery [V]", "time [s]"
     longest = tick * max(len(rows) for rows in flown.rows)
-    battery.set_xlim(-0.02 * min(shown, longest), min(shown, longest))
-    for axes in (depth, volume, command, battery):
+    battery.xlim = (-0.02 * min(shown, longest), min(shown, longest))
+    for panel in panels:
         for fault_row in flown.mission.fault_rows:
-            axes.axvline(fault_row[3] * tick, color=Ink.VERMILION, lw=1.0, ls="--")
+            panel.rule("x", fault_row[3] * tick, Ink.VERMILION, width=1.0, dash="--")
         if not math.isnan(flown.latched):
-            axes.axvline(flown.latched, color=Ink.PURPLE, lw=1.2)
-    style.legend_beside(figure, [depth, command], "outside lower center", ncols=3)
+            panel.rule("x", flown.latched, Ink.PURPLE, width=1.2)
     took = "no fault detected"
     if flown.reason:
         took = f"purple: the supervisor took over ({flown.reason})"
@@ -115,16 +100,8 @@ def draw_mission(flown: Flown) -> Figure:
         kinds = ", ".join(KINDS[fault].name for fault in flown.mission.faults)
         took = f"dashed red: onset of {kinds}; {took}"
     number = f"{'h' if flown.healthy else ''}{flown.mission.number}"
-    depth.set_title(f"{flown.course.vehicle.name}, mission {number}\n{took}", fontsize=9.0)
-    return figure
-
-
-def _frame(axes: Axes, series: list[NDArray[np.float64]]) -> None:
-    """Let an axis show what was, whatever a sensor that drifts says of it."""
-    low = min(float(np.nanmin(x)) for x in series)
-    high = max(float(np.nanmax(x)) for x in series)
-    room = 0.1 * (high - low) + 1.0
-    axes.set_ylim(low - room, high + room)
+    depth.title = f"{flown.course.vehicle.name}, mission {number}\n{took}"
+    return picture
 
 
 _NAMED = 20  # lost vehicles that are named; all are in the files

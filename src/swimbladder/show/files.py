@@ -4,14 +4,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from matplotlib.figure import Figure
-
 from swimbladder.io.answers import json_text
 from swimbladder.io.config import file_text
 from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import write_csv
-from swimbladder.show.style import save
+from swimbladder.show.picture import Picture
 
 
 def write_all(
@@ -55,7 +53,9 @@ def written_by(path: Path, head: str) -> bool:
 
 
 def _write(path: Path, content: Any) -> None:
-    if isinstance(content, Figure):
+    if isinstance(content, Picture):
+        from swimbladder.show.static import save
+
         save(content, path)
     elif isinstance(content, str | bytes):
         write_atomically(path, content)

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swimbladder.codegen.board import BoardAnswer
@@ -17,16 +15,7 @@ from swimbladder.codegen.library import Library, meanings, write_library
 from swimbladder.control.supervisor import Reason
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Part, Shown, Table
-from swimbladder.show.style import (
-    Ink,
-    depth_axis,
-    label_panels,
-    legend_above,
-    setpoint,
-    shade,
-    stacked,
-    styled,
-)
+from swimbladder.show.picture import Ink, Picture, stacked
 from swimbladder.units import rounded
 
 Array = NDArray[np.float64]
@@ -40,52 +29,43 @@ _COMMANDS = {
 _UNO = {"flash": 32256, "RAM": 2048, "clock": 16e6}  # B, B, Hz
 
 
-@styled
-def draw_golden(made: Library) -> Figure:
+def draw_golden(made: Library) -> Picture:
     """Return depth, command and supervisor of the golden trace, at each tick.
 
     To the last tick that a board checks: at the end its sensors fail.
     """
     depth, _, asked, command, reason = np.array(made.golden.checked, np.float64).T
     time = np.asarray(made.tick_s * np.arange(len(asked)), np.float64)
-    figure, panels = _draw(made, time, depth, asked, command, reason)
-    shade(panels[0], time, np.arange(len(time)) >= len(made.golden.depth), "sensors fail")
-    legend_above(panels[0])
-    return figure
+    picture = _draw(made, time, depth, asked, command, reason)
+    out = np.arange(len(time)) >= len(made.golden.depth)
+    picture.panels[0].shade(time, out, "sensors fail")
+    return picture
 
 
-@styled
-def draw_flight(made: BoardProgram, log: Path) -> Figure:
+def draw_flight(made: BoardProgram, log: Path) -> Picture:
     """Return depth, command and supervisor of a flight on a board, by its log."""
     rows = np.atleast_1d(np.genfromtxt(log, delimiter=",", names=True))
     names = ("time_s", "depth_m", "reference_depth_m", made.facts["column"], "supervisor_reason")
-    figure, panels = _draw(made, *(rows[name] for name in names))
-    factor = _COMMANDS[made.law.command][1]
-    twin = factor * rows[f"twin_{made.facts['column']}"]
-    panels[1].step(rows["time_s"], twin, ":", where="post", color=Ink.BLACK, lw=1.0, label="twin")
-    legend_above(panels[0])
-    legend_above(panels[1])
-    return figure
+    picture = _draw(made, *(rows[name] for name in names))
+    twin = _COMMANDS[made.law.command][1] * rows[f"twin_{made.facts['column']}"]
+    picture.panels[1].steps(rows["time_s"], twin, Ink.BLACK, "twin", dash=":", width=1.0)
+    return picture
 
 
 def _draw(
     made: BoardProgram, time: Array, depth: Array, asked: Array, command: Array, reason: Array
-) -> tuple[Figure, list[Axes]]:
-    figure, panels = stacked((7.5, 5.8), 2.2, 1.0, 0.8)
-    upper, middle, lower = panels
-    setpoint(upper, time, asked)
-    upper.plot(time, depth, color=Ink.BLUE, lw=1.1, label="measured")
-    depth_axis(upper)
+) -> Picture:
+    picture, (upper, middle, lower) = stacked((7.5, 5.8), 2.2, 1.0, 0.8, letters=True)
+    upper.setpoint(time, asked)
+    upper.line(time, depth, label="measured", width=1.1)
     words, factor = _COMMANDS[made.law.command]
-    middle.step(time, factor * command, where="post", color=Ink.ORANGE, label="command")
-    middle.set_ylabel(words)
-    lower.step(time, reason, where="post", color=Ink.VERMILION)
+    middle.steps(time, factor * command, Ink.ORANGE, "command")
+    lower.steps(time, reason, Ink.VERMILION)
+    upper.y, middle.y, lower.x = "depth [m]", words, "time [s]"
     found = [int(one) for one in np.unique(reason)]
-    names = [Reason(one).words if one else "watches" for one in found]
-    lower.set_yticks(found, labels=names)
-    lower.set(ylim=(-0.5, max(found) + 0.5), xlabel="time [s]")
-    label_panels(panels)
-    return figure, panels
+    lower.yticks = {one: Reason(one).words if one else "watches" for one in found}
+    lower.ylim = (-0.5, max(found) + 0.5)
+    return picture
 
 
 class LibraryShown(Shown[Library]):

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
-from matplotlib.figure import Figure
 
 from swimbladder.errors import OPTIONS, as_asked
 from swimbladder.show.interactive import as_plotly
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table
+from swimbladder.show.picture import Picture
 from swimbladder.units import rounded
 
 TEXTS = tomllib.loads(files("swimbladder.show").joinpath("texts.toml").read_text("utf-8"))
@@ -105,7 +105,7 @@ class PageFigure(NamedTuple):
 
 def page_figure(
     name: str,
-    figure: Figure,
+    figure: Picture,
     about: str = "",
     part: str = "",
     said: Mapping[str, Mapping[str, str]] = TEXTS["figures"],
@@ -120,7 +120,7 @@ def page_figure(
     return PageFigure(name, title + stop, caption, _plot(figure, name, f"{title}{stop} {caption}"))
 
 
-def _plot(figure: Figure, name: str, label: str) -> Markup:
+def _plot(figure: Picture, name: str, label: str) -> Markup:
     """Return a figure as the element and the data that page.html.j2 makes a plotly figure of."""
     data = json.dumps(as_plotly(figure), separators=(",", ":"), allow_nan=False)
     div = Markup('<div class="plot" role="img" data-name="{}" aria-label="{}"></div>')
@@ -136,7 +136,7 @@ def _plot(figure: Figure, name: str, label: str) -> Markup:
 def answer_page(
     shown: Shown[Any],
     parts: Sequence[Part],
-    figures: Mapping[str, Figure],
+    figures: Mapping[str, Picture],
     files: Iterable[str] = (),
     command: str = "",
 ) -> str:

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder.errors import InputError, Parameter
 from swimbladder.estimation.motion import NAMES, Estimate, Identification
@@ -19,14 +18,8 @@ from swimbladder.show import identification_plots as plots
 from swimbladder.show.estimates import row
 from swimbladder.show.files import Gone, written_by
 from swimbladder.show.identification_plots import labels
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-    Table,
-    labelled,
-    severity,
-)
+from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled, severity
+from swimbladder.show.picture import Picture
 from swimbladder.sim.pool import Fit
 from swimbladder.units import rounded, shown_unit, unit_factor
 
@@ -107,7 +100,7 @@ def _singles(paper: PaperFits | None) -> dict[str, list[tuple[float, float]]]:
 
 
 def _pages(
-    found: Identification, name: str, draw: Callable[[Identification, int], Figure]
+    found: Identification, name: str, draw: Callable[[Identification, int], Picture]
 ) -> list[Drawn]:
     """Return one picture for each so many logs."""
     count = len(found.experiments)

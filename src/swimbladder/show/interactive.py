@@ -1,372 +1,313 @@
-"""A matplotlib figure as a plotly figure: the same panels, curves and units, to hover and zoom."""
+"""Pictures as plotly figures: to hover and zoom, each name of the legend a switch."""
 
 import math
 import re
 from collections.abc import Iterator
-from itertools import groupby, pairwise
+from functools import singledispatch
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import Collection, LineCollection, PathCollection, QuadMesh
-from matplotlib.colors import to_rgba
-from matplotlib.container import BarContainer
-from matplotlib.figure import Figure
-from matplotlib.legend import Legend
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, Rectangle
-from matplotlib.text import Text
-from matplotlib.ticker import FixedLocator
-from matplotlib.transforms import Transform
 from numpy.typing import NDArray
+
+from swimbladder.show.picture import (
+    Area,
+    Axis,
+    Bars,
+    Curve,
+    Mark,
+    Note,
+    Panel,
+    Picture,
+    Rule,
+    Span,
+    labelled,
+    log_ticks,
+)
 
 _POINTS = 60_000  # of all curves of a figure: a page stays below 3 MB
 _FEWEST = 300  # of one curve
 _PIXELS = 96.0  # of an inch
 _BAR = 30  # pixels, of plotly's buttons above the figure
+_LINE, _LETTER = 16.0, 6.4  # pixels of a line of text, and of a letter of a tick
 _DASHES = {"--": "dash", ":": "dot", "-.": "dashdot"}
-_STEPS = {"steps-post": "hv", "steps-pre": "vh", "steps": "vh", "steps-mid": "hvh"}
 _MARKERS = {
     "o": "circle",
     ".": "circle",
     "s": "square",
     "D": "diamond",
-    "d": "diamond-tall",
     "^": "triangle-up",
     "v": "triangle-down",
-    "<": "triangle-left",
-    ">": "triangle-right",
     "x": "x-thin-open",
+    "X": "x",
     "+": "cross-thin-open",
     "*": "star",
     "|": "line-ns-open",
-    "_": "line-ew-open",
 }
-_SIDES = {"left": 0.0, "center": 0.5, "right": 1.0, "bottom": 0.0, "top": 1.0}
-_SIDES |= {"baseline": 0.0, "center_baseline": 0.5}
-_TITLES = (("_left_title", "left", 0.0), ("title", "center", 0.5), ("_right_title", "right", 1.0))
-_UNIT = re.compile(r"^(.*?)\s*\[(.*)\]$", re.DOTALL)
+_UNIT = re.compile(r"^(.*?)\s*\[(.*?)\](.*)$", re.DOTALL)
+_HOVER = "hovertemplate"
 
 
-def as_plotly(figure: Figure) -> dict[str, Any]:
+def as_plotly(picture: Picture) -> dict[str, Any]:
     """Return the data and the layout of a plotly figure, in JSON's own types.
 
     Curves of more samples than a screen can show are thinned: of each bucket its least and its
     largest value stay.
     """
-    legends = [*filter(None, (axes.get_legend() for axes in figure.axes)), *figure.legends]
-    for legend in legends:  # plotly's own stands below
-        legend.set_in_layout(False)
-    figure.draw_without_rendering()
-    for legend in legends:
-        legend.set_in_layout(True)
-    panels = [_Panel(number, axes, figure) for number, axes in enumerate(figure.axes, start=1)]
-    width, height = figure.get_size_inches()
+    width, height = (_PIXELS * side for side in picture.size)
+    top = _LINE * _lines(picture.title) + 8.0 * bool(picture.title)
     layout: dict[str, Any] = {
-        "width": round(_PIXELS * width),
-        "height": round(_PIXELS * height) + _BAR,
+        "width": round(width),
+        "height": round(height) + _BAR,
         "margin": {"l": 0, "r": 0, "t": _BAR, "b": 0},
         "barmode": "overlay",
         "hovermode": "closest",
         "plot_bgcolor": "white",
         "font": {"size": 12},
         "showlegend": False,
-        "shapes": [shape for panel in panels for shape in panel.shapes()],
-        "annotations": [text for panel in panels for text in panel.texts()],
+        "shapes": [],
+        "annotations": [],
     }
-    for panel in panels:
-        layout |= panel.axes_of(panels)
-    top = figure.get_suptitle()
-    if top:
-        at = figure._suptitle  # type: ignore[attr-defined]  # matplotlib gives its text only
-        x, y = at.get_position()
-        layout["annotations"].append(_note(top, x, y, "paper", "paper", at))
-    data = [trace for panel in panels for trace in panel.traces()]
+    boxes = _boxes(picture, width, height, top)
+    data: list[dict[str, Any]] = []
+    for number, panel in enumerate(picture.panels, 1):
+        own = "" if number == 1 else str(number)
+        layout |= _axes(picture, panel, own, boxes)
+        for mark in sorted(panel.marks, key=lambda one: getattr(one, "layer", 1.5)):
+            made = _drawn(mark, own)
+            kind = made.pop("kind")
+            if kind == "traces":
+                made |= {"xaxis": f"x{own}", "yaxis": f"y{own}"}
+                if "hoverinfo" not in made:
+                    made[_HOVER] = _hover(panel, picture, mark)
+                data.append(made)
+            else:
+                layout[kind].append(made if kind == "shapes" else _placed(made, panel))
+        layout["annotations"] += _titles(picture, panel, own)
+    if picture.title:
+        layout["annotations"].append(
+            _words(picture.title, 0.5, 1.0, ("paper", "paper"), "center", "top", 13.0)
+        )
     _thin(data)
-    _legend(data, layout, legends)
+    _legend(picture, data, layout)
     return {"data": data, "layout": layout}
 
 
-class _Panel:
-    """The axes of a figure, as plotly numbers them."""
-
-    def __init__(self, number: int, axes: Axes, figure: Figure) -> None:
-        self.axes, self.figure = axes, figure
-        self.number = "" if number == 1 else str(number)
-        twins = [other for other in axes._twinned_axes.get_siblings(axes) if other is not axes]  # type: ignore[attr-defined]
-        order = figure.axes
-        self.under = next((a for a in twins if order.index(a) < number - 1), None)
-        self.where = {"xaxis": f"x{self.number}", "yaxis": f"y{self.number}"}
-        bars = axes.containers
-        self.bars = [c for c in bars if isinstance(c, BarContainer)]
-
-    def axes_of(self, panels: list["_Panel"]) -> dict[str, Any]:
-        """Return the layout of the two axes."""
-        box = self.axes.get_position()
-        found = {}
-        for name, other, low, high in (("x", "y", box.x0, box.x1), ("y", "x", box.y0, box.y1)):
-            axis = self._axis(name) | {"domain": [low, high], "anchor": f"{other}{self.number}"}
-            shared = getattr(self.axes, f"get_shared_{name}_axes")()
-            first = next(p for p in panels if p is self or shared.joined(p.axes, self.axes))
-            if first is not self:
-                axis["matches"] = f"{name}{first.number}"
-            if self.under is not None:
-                number = next(p.number for p in panels if p.axes is self.under)
-                axis["overlaying"] = f"{name}{number}"
-                axis["showgrid"] = False
-            found[f"{name}axis{self.number}"] = axis
-        return found
-
-    def _axis(self, name: str) -> dict[str, Any]:
-        """Return range, ticks and title of the axis x or y."""
-        axis = getattr(self.axes, f"{name}axis")
-        low, high = map(float, getattr(self.axes, f"get_{name}lim")())
-        sides = ("bottom", "top") if name == "x" else ("left", "right")
-        shown = axis.get_tick_params()
-        far = axis.get_ticks_position() == sides[1]
-        ticks = axis.get_ticklocs()
-        labelled = self.axes.axison and len(ticks) and (shown.get(f"label{sides[0]}", True) or far)
-        made: dict[str, Any] = {
-            "range": [low, high],
-            "title": {"text": _html(axis.get_label_text()), "standoff": 6},
-            "showticklabels": bool(labelled),
-            "showgrid": bool(shown.get("gridOn", False)),
-            "gridcolor": "#D8D8D8",
-            "zeroline": False,
-            "showline": bool(self.axes.spines[sides[far]].get_visible()),
-            "linecolor": "black",
-            "ticks": "outside" if labelled else "",
-            "visible": bool(self.axes.axison and axis.get_visible()),
-            "side": sides[far],
-        }
-        if axis.get_scale() == "log":
-            made |= {"exponentformat": "power"}
-            made |= {"type": "log", "range": [math.log10(low), math.log10(high)], "dtick": 1}
-            if abs(made["range"][1] - made["range"][0]) < 1.5:
-                made["dtick"] = "D1" if abs(made["range"][1] - made["range"][0]) < 0.8 else "D2"
-        elif getattr(axis.get_major_locator(), "_integer", False):  # counts: no halves
-            made |= {"tick0": 0, "dtick": max(1, round(float(np.diff(ticks[:2]).sum())))}
-        if isinstance(axis.get_major_locator(), FixedLocator) and len(ticks):
-            made |= {"tickmode": "array", "tickvals": [float(x) for x in ticks]}
-            texts = axis.get_major_formatter().format_ticks(ticks)
-            made["ticktext"] = [_html(text) for text in texts]
-        return made
-
-    def traces(self) -> Iterator[dict[str, Any]]:
-        """Yield the curves, points, areas and bars, the lowest first."""
-        barred = {patch for bars in self.bars for patch in bars}
-        drawn: list[tuple[float, list[dict[str, Any]]]] = []
-        drawn += [(one.get_zorder(), list(self._collection(one))) for one in self.axes.collections]
-        for patch in self.axes.patches:
-            if patch not in barred and _held(patch.get_transform(), self.axes) == (True, True):
-                area = patch.get_transform() - self.axes.transData
-                points = area.transform_path(patch.get_path()).to_polygons(closed_only=False)
-                face = patch.get_facecolor()
-                if points:
-                    drawn.append((patch.get_zorder(), [self._area(points, face, patch)]))
-        drawn += [(1.0, [self._bars(bars)]) for bars in self.bars]
-        drawn += [(line.get_zorder(), list(self._line(line))) for line in self.axes.lines]
-        for _, traces in sorted(drawn, key=lambda one: one[0]):
-            yield from traces
-
-    def _line(self, line: Line2D) -> Iterator[dict[str, Any]]:
-        if _held(line.get_transform(), self.axes) != (True, True) or not line.get_visible():
-            return
-        x = np.asarray(line.get_xdata(orig=False), dtype=float)
-        y = np.asarray(line.get_ydata(orig=False), dtype=float)
-        style, marker = line.get_linestyle(), line.get_marker()
-        lined, marked = style not in ("None", " ", ""), marker in _MARKERS
-        if not len(x) or not (lined or marked):
-            return
-        mode = "+".join(word for word, on in (("lines", lined), ("markers", marked)) if on)
-        trace: dict[str, Any] = {"type": "scatter", "mode": mode, "x": x, "y": y}
-        if lined:
-            trace["line"] = _pen(line) | {"shape": _STEPS.get(line.get_drawstyle(), "linear")}
-        if marked:
-            small = 0.5 if marker == "." else 1.0
-            trace["marker"] = {
-                "symbol": _MARKERS[str(marker)],
-                "size": max(2.0, 1.25 * small * line.get_markersize()),
-                "color": _color(line.get_markerfacecolor(), line.get_alpha()),
-                "line": {
-                    "color": _color(line.get_markeredgecolor(), line.get_alpha()),
-                    "width": line.get_markeredgewidth(),
-                },
-            }
-        yield trace | self._said(line.get_label())
-
-    def _collection(self, one: Collection) -> Iterator[dict[str, Any]]:
-        faces, edges = one.get_facecolor(), one.get_edgecolor()
-        if isinstance(one, PathCollection):
-            x, y = np.asarray(one.get_offsets(), dtype=float).T
-            sizes = np.sqrt(np.asarray(one.get_sizes(), dtype=float))
-            colors = [_color(c, None) for c in faces]
-            marker = {"size": 1.25 * float(sizes.mean()), "line": {"width": 0}}
-            marker["color"] = colors if len(colors) == len(x) else colors[0]
-            trace = {"type": "scatter", "mode": "markers", "x": x, "y": y, "marker": marker}
-            yield trace | self._said(one.get_label())
-        elif isinstance(one, LineCollection):
-            ends = [np.asarray(segment, dtype=float) for segment in one.get_segments()]
-            if _held(one.get_transform(), self.axes) == (True, True) and ends:
-                x, y = _joined(ends)
-                line = {
-                    "color": _color(edges[0], None),
-                    "width": float(np.atleast_1d(one.get_linewidth())[0]),
-                }
-                trace = {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": line}
-                yield trace | self._said(one.get_label())
-        elif isinstance(one, QuadMesh):
-            yield from self._mesh(one)
-        else:
-            area = one.get_transform() - self.axes.transData
-            for number, path in enumerate(one.get_paths()):
-                polygons = area.transform_path(path).to_polygons(closed_only=False)
-                if polygons and len(faces):
-                    yield self._area(polygons, faces[number % len(faces)], one)
-
-    def _mesh(self, mesh: QuadMesh) -> Iterator[dict[str, Any]]:
-        """Yield the cells of a mesh, those of one color together."""
-        corners = np.asarray(mesh.get_coordinates(), dtype=float)
-        rows, columns = corners.shape[0] - 1, corners.shape[1] - 1
-        colors = np.asarray(mesh.to_rgba(np.asarray(mesh.get_array()))).reshape(rows, columns, 4)
-        found: dict[tuple[float, ...], list[NDArray[np.float64]]] = {}
-        for row in range(rows):
-            cells = [tuple(map(float, colors[row, k])) for k in range(columns)]
-            at = 0
-            for color, run in groupby(cells):
-                end = at + len(list(run))
-                low, high = corners[row], corners[row + 1]
-                found.setdefault(color, []).append(
-                    np.array([low[at], low[end], high[end], high[at], low[at]])
-                )
-                at = end
-        for color, polygons in found.items():
-            yield self._area(polygons, color, mesh)
-
-    def _area(self, polygons: Any, face: Any, artist: Patch | Collection) -> dict[str, Any]:
-        x, y = _joined([np.asarray(polygon, dtype=float) for polygon in polygons])
-        trace = {"type": "scatter", "mode": "lines", "x": x, "y": y, "fill": "toself"}
-        trace |= {"fillcolor": _color(face, None), "line": {"width": 0}, "hoverinfo": "skip"}
-        return trace | {k: v for k, v in self._said(artist.get_label()).items() if k != _HOVER}
-
-    def _bars(self, bars: BarContainer) -> dict[str, Any]:
-        boxes: list[Rectangle] = list(bars.patches)
-        x, y = np.array([b.get_xy() for b in boxes]).T
-        wide, high = np.array([(b.get_width(), b.get_height()) for b in boxes]).T
-        colors = [_color(b.get_facecolor(), None) for b in boxes]
-        trace: dict[str, Any] = {"type": "bar", "marker": {"color": colors}}
-        if bars.orientation == "horizontal":
-            trace |= {"orientation": "h", "y": y + high / 2, "x": wide, "base": x, "width": high}
-        else:
-            trace |= {"x": x + wide / 2, "y": high, "base": y, "width": wide}
-        return trace | self._said(bars.get_label())
-
-    def _said(self, label: object) -> dict[str, Any]:
-        """Return the name of a trace, its panel, and what is shown where the pointer is."""
-        name = "" if label is None or str(label).startswith("_") else _html(str(label))
-        x, y = (getattr(self.axes, f"get_{axis}label")() for axis in "xy")
-        shared = self.axes.get_shared_x_axes().get_siblings(self.axes)
-        x = x or next((other.get_xlabel() for other in shared if other.get_xlabel()), "")
-        lines = [_hover(x, "x"), _hover(y, "y")]
-        hover = "<br>".join([f"<b>{name}</b>"] * bool(name) + lines) + "<extra></extra>"
-        return {"name": name, _HOVER: hover, **self.where}
-
-    def shapes(self) -> Iterator[dict[str, Any]]:
-        """Yield lines and spans that go from one side of the panel to the other."""
-        for line in self.axes.lines:
-            held = _held(line.get_transform(), self.axes)
-            if held != (True, True) and any(held) and np.size(line.get_xdata()):
-                ends = [np.asarray(v, dtype=float)[[0, -1]] for v in line.get_data(orig=False)]
-                made = self._across(held, *ends)
-                yield made | {"type": "line", "line": _pen(line), "layer": "above"}
-        for patch in self.axes.patches:
-            held = _held(patch.get_transform(), self.axes)
-            if isinstance(patch, Rectangle) and held != (True, True) and any(held):
-                (x, y), wide, high = patch.get_xy(), patch.get_width(), patch.get_height()
-                made = self._across(held, (x, x + wide), (y, y + high))
-                made |= {"type": "rect", "layer": "below", "line": {"width": 0}}
-                yield made | {"fillcolor": _color(patch.get_facecolor(), None)}
-
-    def _across(self, held: tuple[bool, bool], x: Any, y: Any) -> dict[str, Any]:
-        made: dict[str, Any] = {}
-        for name, data, ends in (("x", held[0], x), ("y", held[1], y)):
-            made[f"{name}ref"] = f"{name}{self.number}" + ("" if data else " domain")
-            made |= {f"{name}0": float(ends[0]), f"{name}1": float(ends[1])}
-        return made
-
-    def texts(self) -> Iterator[dict[str, Any]]:
-        """Yield titles and what is written inside the panel."""
-        axes, number = self.axes, self.number
-        for name, where, x in _TITLES:
-            title: Text = getattr(axes, name)
-            if title.get_text():
-                note = _note(title.get_text(), x, 1.0, f"x{number} domain", "", title)
-                yield note | {"yref": f"y{number} domain", "yanchor": "bottom", "xanchor": where}
-        for text in axes.texts:
-            if text.get_text() and text.get_visible():
-                box = text.get_window_extent()
-                across, up = (
-                    _SIDES[text.get_horizontalalignment()],
-                    _SIDES[text.get_verticalalignment()],
-                )
-                pixel = (box.x0 + across * box.width, box.y0 + up * box.height)
-                x, y = axes.transAxes.inverted().transform(pixel)
-                yield _note(text.get_text(), x, y, f"x{number} domain", f"y{number} domain", text)
+def _placed(note: dict[str, Any], panel: Panel) -> dict[str, Any]:
+    """Return a text where it stands: plotly has logarithms for the places of texts alone."""
+    for axis in "xy":
+        if getattr(panel, f"{axis}log") and "domain" not in note[f"{axis}ref"]:
+            note[axis] = math.log10(note[axis])
+    return note
 
 
-_HOVER = "hovertemplate"
-
-
-def _held(transform: Transform, axes: Axes) -> tuple[bool, bool]:
-    """Whether x and y of a transform are data, not shares of the panel."""
-    x, y = transform.contains_branch_seperately(axes.transData)
-    return bool(x), bool(y)
-
-
-def _pen(line: Line2D) -> dict[str, Any]:
-    """Return color, width and dashes of a line."""
-    dash = _DASHES.get(str(line.get_linestyle()), "solid")
-    color = _color(line.get_color(), line.get_alpha())
-    return {"color": color, "width": 1.2 * line.get_linewidth(), "dash": dash}
-
-
-def _note(text: str, x: float, y: float, xref: str, yref: str, as_in: Text) -> dict[str, Any]:
-    """Return an annotation without an arrow, set as a matplotlib text is."""
-    middle = {"center": "middle", "center_baseline": "middle", "baseline": "bottom"}
-    upright = as_in.get_verticalalignment()
-    bold = as_in.get_fontweight() in ("bold", 700)
+def _boxes(picture: Picture, width: float, height: float, top: float) -> dict[int, list[Any]]:
+    """Return where the axes of each panel stand, in shares of the figure."""
+    lefts, rights = [0.0] * picture.columns, [12.0] * picture.columns
+    aboves, belows = [0.0] * picture.rows, [0.0] * picture.rows
+    for p in picture.panels:
+        names = p.yticks.values() if isinstance(p.yticks, dict) else ("−00.000",)
+        numbers = 14.0 + _LETTER * max(map(len, names), default=0)
+        side = 10.0 + numbers * picture.is_labelled(p, "y") + _LINE * _lines(p.y)
+        below = 20.0 * picture.is_labelled(p, "x") + _LINE * (0.3 * bool(p.x) + _lines(p.x))
+        above = max(_lines(p.title), _lines(p.note), _lines(picture.letter(p)))
+        sides, at = (rights, p.column + p.wide - 1) if p.over else (lefts, p.column)
+        sides[at] = max(sides[at], side)
+        aboves[p.row] = max(aboves[p.row], 8.0 + _LINE * above)
+        belows[p.row] = max(belows[p.row], 6.0 + below)
+    across = _places(width, lefts, rights, picture.widths)
+    down = _places(height, [top + aboves[0], *aboves[1:]], belows, picture.heights)
     return {
-        "text": f"<b>{_html(text)}</b>" if bold else _html(text),
-        "x": float(x),
-        "y": float(y),
-        "xref": xref,
-        "yref": yref,
-        "xanchor": as_in.get_horizontalalignment(),
-        "yanchor": middle.get(upright, upright),
-        "textangle": -as_in.get_rotation(),
-        "align": "left",
-        "showarrow": False,
-        "borderpad": 0,
-        "font": {
-            "color": _color(as_in.get_color(), None),
-            "size": 1.2 * float(as_in.get_fontsize()),
-        },
+        id(p): [
+            [across[p.column][0], across[p.column + p.wide - 1][1]],
+            [1.0 - end for end in reversed(down[p.row])],
+        ]
+        for p in picture.panels
     }
 
 
-def _legend(data: list[dict[str, Any]], layout: dict[str, Any], legends: list[Legend]) -> None:
-    """Show in one legend what the figure's legends name; a name switches all its curves."""
-    named: dict[str, Any] = {}
-    for legend in legends:
-        for text, handle in zip(legend.get_texts(), legend.legend_handles, strict=True):
-            named.setdefault(_html(text.get_text()), handle)
+def _lines(text: str) -> int:
+    return text.count("\n") + bool(text)
+
+
+def _places(
+    length: float, before: list[float], after: list[float], ratios: Any
+) -> list[list[float]]:
+    """Return where columns, or rows, begin and end, in shares, with gaps of pixels around them."""
+    shares = np.array(ratios or [1.0] * len(before), float)
+    room = max(length - sum(before) - sum(after), 0.3 * length) * shares / shares.sum()
+    ends = np.cumsum(np.transpose([before, room, after]).ravel()).reshape(-1, 3)
+    return [[low, high] for low, high, _ in (ends / ends[-1, -1]).tolist()]
+
+
+def _axes(picture: Picture, panel: Panel, own: str, boxes: Any) -> dict[str, Any]:
+    """Return the layout of the two axes of a panel."""
+    found: dict[str, Any] = {}
+    numbers = {id(p): "" if k == 1 else str(k) for k, p in enumerate(picture.panels, 1)}
+    for name, other, domain in zip("xy", "yx", boxes[id(panel)], strict=True):
+        axis = _axis(picture, panel, name) | {"domain": domain, "anchor": f"{other}{own}"}  # type: ignore[arg-type]
+        first = picture.leader(panel, name)  # type: ignore[arg-type]
+        if first is not panel:
+            axis["matches"] = f"{name}{numbers[id(first)]}"
+        if panel.over:
+            axis |= {"overlaying": f"{name}{numbers[id(panel.x_of)]}", "showgrid": False}
+            axis["visible"] = name == "y"
+        found[f"{name}axis{own}"] = axis
+    if panel.equal:
+        found[f"yaxis{own}"] |= {"scaleanchor": f"x{own}", "constrain": "domain"}
+        found[f"xaxis{own}"]["constrain"] = "domain"
+    return found
+
+
+def _axis(picture: Picture, panel: Panel, name: Axis) -> dict[str, Any]:
+    """Return range, ticks and title of the axis x or y."""
+    low, high = picture.limits(panel, name)
+    far, shown = name == "y" and panel.over, picture.is_labelled(panel, name)
+    back = name == "y" and picture.leader(panel, name).down
+    made: dict[str, Any] = {
+        "range": [high, low] if back else [low, high],
+        "title": {"text": _html(getattr(panel, name)), "standoff": 6},
+        "showticklabels": shown,
+        "showgrid": name in panel.grid,
+        "gridcolor": "#D8D8D8",
+        "zeroline": False,
+        "showline": True,
+        "linecolor": "black",
+        "ticks": "outside" if shown else "",
+        "side": "right" if far else "left" if name == "y" else "bottom",
+    }
+    ticks = getattr(panel, f"{name}ticks")
+    if getattr(panel, f"{name}log"):
+        made |= {"type": "log", "range": [math.log10(end) for end in made["range"]]}
+        ticks = log_ticks(low, high) if ticks is None else ticks
+    elif name in panel.counts:
+        made |= {"tick0": 0, "dtick": max(1, math.ceil((high - low) / 10.0))}
+    if isinstance(ticks, int):
+        made["nticks"] = ticks + 1
+    elif ticks is not None:
+        names = [_html(one) for one in ticks.values()]
+        made |= {"tickmode": "array", "tickvals": [float(x) for x in ticks], "ticktext": names}
+    return made
+
+
+@singledispatch
+def _drawn(mark: Mark, _: str) -> dict[str, Any]:
+    """Return a mark as a trace, a shape or an annotation, as its kind says."""
+    raise TypeError(type(mark).__name__)
+
+
+@_drawn.register
+def _(mark: Curve, _own: str) -> dict[str, Any]:
+    mode = "+".join(word for word, on in (("lines", mark.dash), ("markers", mark.marker)) if on)
+    trace: dict[str, Any] = {"kind": "traces", "type": "scatter", "mode": mode or "lines"}
+    trace |= {"x": mark.x, "y": mark.y, "name": _html(mark.label)}
+    trace |= {"text": [*mark.says]} if mark.says else {}
+    color = _color(mark.color, mark.alpha)
+    if mark.dash:
+        trace["line"] = _pen(mark, color) | {"shape": "hv" if mark.step else "linear"}
+    if mark.marker:
+        size = max(2.0, 1.25 * mark.size * (0.5 if mark.marker == "." else 1.0))
+        symbol = _MARKERS[mark.marker] + "-open" * mark.hollow
+        trace["marker"] = {
+            "symbol": symbol,
+            "size": size,
+            "color": color,
+            "line": {"width": 1.4 if symbol.endswith("open") else 0},
+        }
+    return trace
+
+
+@_drawn.register
+def _(mark: Area, _own: str) -> dict[str, Any]:
+    trace = {"kind": "traces", "type": "scatter", "mode": "lines", "x": mark.x, "y": mark.y}
+    color, seam = _color(mark.color, mark.alpha), 0.8 * (mark.alpha == 1.0)  # cells touch
+    trace |= {"fill": "toself", "fillcolor": color, "line": {"width": seam, "color": color}}
+    return trace | {"hoverinfo": "skip", "name": _html(mark.label)}
+
+
+@_drawn.register
+def _(mark: Bars, _own: str) -> dict[str, Any]:
+    colors = [mark.color] * len(mark.at) if isinstance(mark.color, str) else mark.color
+    base = np.broadcast_to(np.asarray(mark.base, float), mark.at.shape)
+    trace: dict[str, Any] = {
+        "kind": "traces",
+        "type": "bar",
+        "name": _html(mark.label),
+        "base": base,
+    }
+    trace |= {"marker": {"color": [_color(c, mark.alpha) for c in colors]}}
+    trace["width"] = np.full(len(mark.at), mark.thick)
+    if mark.flat:
+        return trace | {"orientation": "h", "y": mark.at, "x": mark.length}
+    return trace | {"x": mark.at, "y": mark.length}
+
+
+@_drawn.register
+def _(mark: Rule, own: str) -> dict[str, Any]:
+    made = _across(mark.axis, mark.at, mark.at, own) | {"type": "line", "layer": "above"}
+    return made | {"line": _pen(mark, _color(mark.color, 1.0))}
+
+
+@_drawn.register
+def _(mark: Span, own: str) -> dict[str, Any]:
+    made = _across(mark.axis, mark.low, mark.high, own) | {"type": "rect", "layer": "below"}
+    return made | {"line": {"width": 0}, "fillcolor": _color(mark.color, mark.alpha)}
+
+
+@_drawn.register
+def _(mark: Note, own: str) -> dict[str, Any]:
+    x, y = (f"{axis}{own}{' domain' if axis in mark.share else ''}" for axis in "xy")
+    made = _words(mark.text, mark.x, mark.y, (x, y), mark.across, mark.up, mark.size)
+    made["font"]["color"] = mark.color
+    right, up = mark.shift
+    turned = -90 if mark.turned else 0
+    made |= {"bgcolor": "white"} if mark.boxed else {}
+    return made | {"xshift": right, "yshift": up, "textangle": turned, "kind": "annotations"}
+
+
+def _across(axis: Axis, low: float, high: float, own: str) -> dict[str, Any]:
+    ends = {axis: (low, high, ""), "y" if axis == "x" else "x": (0.0, 1.0, " domain")}
+    made: dict[str, Any] = {"kind": "shapes"}
+    for name, (first, last, of) in ends.items():
+        made |= {f"{name}ref": f"{name}{own}{of}", f"{name}0": first, f"{name}1": last}
+    return made
+
+
+def _titles(picture: Picture, panel: Panel, own: str) -> Iterator[dict[str, Any]]:
+    """Yield what stands above a panel."""
+    letter = picture.letter(panel)
+    for text, x, across, size in (
+        (f"<b>{letter}</b>" if letter else "", 0.0, "left", 10.0),
+        (_html(panel.title), 0.5, "center", 9.5),
+        (_html(panel.note), 1.0, "right", 8.5),
+    ):
+        if text:
+            refs = (f"x{own} domain", f"y{own} domain")
+            yield _words("", x, 1.0, refs, across, "bottom", size) | {"text": text}
+
+
+def _words(
+    text: str, x: float, y: float, refs: tuple[str, str], across: str, up: str, size: float
+) -> dict[str, Any]:
+    """Return an annotation without an arrow."""
+    made: dict[str, Any] = {"text": _html(text), "x": x, "y": y, "xref": refs[0], "yref": refs[1]}
+    made |= {"xanchor": across, "yanchor": {"center": "middle"}.get(up, up), "showarrow": False}
+    return made | {"align": "left", "borderpad": 0, "font": {"size": 1.2 * size}}
+
+
+def _legend(picture: Picture, data: list[dict[str, Any]], layout: dict[str, Any]) -> None:
+    """Show all names in one legend; a name switches all that has it."""
+    named = {
+        _html(mark.label): mark
+        for mark in labelled(p for p in picture.panels if p.legend or picture.legend)
+    }
     seen: set[str] = set()
     for trace in data:
         name = trace["name"]
         trace["showlegend"] = name in named and name not in seen
         trace["legendgroup"] = name or "unnamed"
         seen.add(name)
-    data += [_key(name, handle) for name, handle in named.items() if name not in seen]
+    data += [_key(name, mark) for name, mark in named.items() if name not in seen]
     if named:
         room = 30 + 20 * (len(named) // 4)
         layout |= {"showlegend": True, "legend": {"orientation": "h", "x": 0.0, "y": 0.0}}
@@ -375,16 +316,19 @@ def _legend(data: list[dict[str, Any]], layout: dict[str, Any], legends: list[Le
         layout["height"] += room
 
 
-def _key(name: str, handle: Any) -> dict[str, Any]:
-    """Return an entry of the legend that stands for no single curve."""
+def _key(name: str, mark: Any) -> dict[str, Any]:
+    """Return an entry of the legend for what goes across a panel."""
     key: dict[str, Any] = {"type": "scatter", "x": [None], "y": [None], "name": name}
-    if isinstance(handle, Line2D):
-        return key | {"mode": "lines", "line": _pen(handle)}
-    paints = (
-        np.reshape(paint, (-1, 4)) for paint in (handle.get_facecolor(), handle.get_edgecolor())
-    )
-    color = next(paint[0] for paint in paints if len(paint))
-    return key | {"mode": "markers", "marker": {"color": _color(color, None), "size": 10}}
+    if isinstance(mark, Rule):
+        return key | {"mode": "lines", "line": _pen(mark, _color(mark.color, 1.0))}
+    return key | {
+        "mode": "markers",
+        "marker": {"color": _color(mark.color, mark.alpha), "size": 10},
+    }
+
+
+def _pen(mark: Curve | Rule, color: str) -> dict[str, Any]:
+    return {"color": color, "width": 1.2 * mark.width, "dash": _DASHES.get(mark.dash, "solid")}
 
 
 def _thin(data: list[dict[str, Any]]) -> None:
@@ -392,18 +336,12 @@ def _thin(data: list[dict[str, Any]]) -> None:
     share = max(_FEWEST, _POINTS // max(1, len(data)))
     for trace in data:
         x, y = trace["x"], trace["y"]
-        if len(x) > share and trace["type"] == "scatter" and not _parted(trace):
+        if len(x) > share and trace["type"] == "scatter" and "fill" not in trace:
             kept = _extremes(y, share // 2)
             trace["x"], trace["y"] = x[kept], y[kept]
         for name in ("x", "y", "base", "width"):
             if name in trace:
-                trace[name] = [_number(value) for value in trace[name]]
-
-
-def _parted(trace: dict[str, Any]) -> bool:
-    """Whether a trace is several areas, or points that have each a color."""
-    several = "fill" in trace and not np.isfinite(trace["x"]).all()
-    return several or isinstance(trace.get("marker", {}).get("color"), list)
+                trace[name] = [_number(value) for value in trace[name].tolist()]
 
 
 def _extremes(y: NDArray[np.float64], buckets: int) -> NDArray[np.intp]:
@@ -423,23 +361,25 @@ def _number(value: float) -> float | None:
     return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
-def _joined(parts: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return x and y of curves one after another, a gap between them."""
-    gap = np.full((1, 2), np.nan)
-    return np.concatenate([piece for part in parts for piece in (part, gap)][:-1]).T
+def _color(color: str, alpha: float) -> str:
+    red, green, blue = (int(color[k : k + 2], 16) for k in (1, 3, 5))
+    return f"rgba({red},{green},{blue},{alpha:.3g})"
 
 
-def _color(color: Any, alpha: float | None) -> str:
-    if isinstance(color, str) and color == "none":
-        return "rgba(0,0,0,0)"
-    red, green, blue, opaque = to_rgba(color, alpha)
-    return f"rgba({255 * red:.0f},{255 * green:.0f},{255 * blue:.0f},{opaque:.3g})"
+def _hover(panel: Panel, picture: Picture, mark: Mark) -> str:
+    """Return what is shown under the pointer: names and units of both axes."""
+    shared = [p.x for p in picture.panels if picture.leader(p, "x") is picture.leader(panel, "x")]
+    x = panel.x or next((own for own in shared if own), "")
+    label = _html(mark.label)
+    name = f"<b>{label}</b><br>" if label else ""
+    if isinstance(mark, Curve) and mark.says:
+        return f"{name}%{{text}}<extra></extra>"
+    return f"{name}{_value(x, 'x')}<br>{_value(panel.y, 'y')}<extra></extra>"
 
 
-def _hover(label: str, axis: str) -> str:
-    """Return how a number is shown under the pointer, with the axis's name and unit."""
+def _value(label: str, axis: str) -> str:
     match = _UNIT.match(label)
-    name, unit = match.groups() if match else (label, "")
+    name, unit = match.groups()[:2] if match else (label, "")
     shown = "" if unit == "-" else f" {unit}"
     return f"{_html(name or axis)}: %{{{axis}:.5~g}}{_html(shown)}"
 

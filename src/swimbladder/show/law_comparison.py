@@ -7,9 +7,6 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison import LawComparison
@@ -18,17 +15,9 @@ from swimbladder.design.law_comparison.run import RESULT, Row, front
 from swimbladder.io.answers import as_json
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show import style
 from swimbladder.show.html import TEXTS
-from swimbladder.show.parts import (
-    Drawn,
-    Labelled,
-    Part,
-    Shown,
-    Table,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.units import rounded
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
@@ -39,23 +28,19 @@ _WIDE = 100  # letters of a line above a panel
 _LONG = 5.0  # times the least time of a step, that is shown
 
 
-@style.styled
-def draw_pareto(comparison: LawComparison) -> Figure:
+def draw_pareto(comparison: LawComparison) -> Picture:
     """Return settling and holding, each against what is moved, with the fronts."""
-    figure, (left, right) = style.new_figure((7.5, 7.6), 2, 1)
+    picture, (upper, lower) = grid_of((7.5, 7.6), 2, 1, letters=True, legend="below")
     floats = comparison.vehicle.command == "volume change"
     settled = f"within {BAND:g} m" if floats else "to 2 % of the step"
     across = _Cost("step-down", "settle_median", 1.0, f"settling {settled} [s]")
     up = _Cost("hold", "rate", 3.6e6, "moved while holding [L/h]")
-    _pareto(left, comparison, across, up, comparison.bounds.get("step-down"))
+    _pareto(upper, comparison, across, up, comparison.bounds.get("step-down"))
     across = _Cost("hold-drift", "rms", 1e3, "depth error while the trim drifts [mm rms]")
     up = _Cost("hold-drift", "rate", 3.6e6, "moved meanwhile [L/h]")
-    _pareto(right, comparison, across, up, None)
-    _key(figure, comparison, lines=False)
-    title = f"{comparison.vehicle.name}: no law beats those on the grey line"
-    figure.suptitle(title, fontsize=10.0)
-    style.label_panels([left, right])
-    return figure
+    _pareto(lower, comparison, across, up, None)
+    picture.title = f"{comparison.vehicle.name}: no law beats those on the grey line"
+    return picture
 
 
 class _Cost(NamedTuple):
@@ -72,45 +57,38 @@ class _Cost(NamedTuple):
 
 
 def _pareto(
-    axes: Axes, comparison: LawComparison, across: _Cost, up: _Cost, bound: float | None
+    panel: Panel, comparison: LawComparison, across: _Cost, up: _Cost, bound: float | None
 ) -> None:
     """Draw one pair of costs."""
     x, y = across.of(comparison), up.of(comparison)
     there = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
-    axes.set(xscale="log", yscale="log")
-    # Set first: lines find no place on logarithmic axes that nothing stands on.
+    panel.x, panel.y, panel.xlog, panel.ylog = across.label, up.label, True, True
     along = [*x[there], *([] if bound is None else [bound])]
-    if along:
-        axes.set_xlim(*_limits(along))
-    if there.any():
-        axes.set_ylim(*_limits(y[there].tolist()))
+    panel.xlim = _limits(along) if along else (None, None)
+    panel.ylim = _limits(y[there].tolist()) if there.any() else (None, None)
     best = np.flatnonzero(there)[front(np.stack([x[there], y[there]], axis=1))]
     if len(best) > 0:
         best = best[np.argsort(x[best])]
-        axes.step(x[best], y[best], where="post", color=Ink.GREY, lw=3.0, alpha=0.45, zorder=1)
+        panel.steps(x[best], y[best], Ink.GREY, width=3.0, alpha=0.45, layer=1.0)
     missing = []
     for row, a, b, shown in zip(comparison.rows, x, y, there, strict=True):
+        marker, size = _MARKERS.get(row.who.tuning, "s"), _size(comparison, row)
+        how: Any = {"color": _color(comparison, row), "label": row.who.name, "size": size}
+        # without a place it is in the legend all the same
+        at = (a, b) if shown else (np.nan, np.nan)
+        panel.dots(at[0], at[1], marker, **how)
         if not shown:
             missing.append(row.who.name)
-            continue
-        if row is comparison.reference:
-            axes.axvline(a, color=Ink.GREY, lw=0.8, ls=":")
-            axes.axhline(b, color=Ink.GREY, lw=0.8, ls=":")
-        marker, size = _MARKERS.get(row.who.tuning, "s"), _size(comparison, row)
-        how: Any = {"marker": marker, "ms": size, "mec": "white", "mew": 0.6, "zorder": 3}
-        axes.plot(a, b, color=_color(comparison, row), ls="", **how)
+        elif row is comparison.reference:
+            panel.rule("x", a, Ink.GREY, dash=":")
+            panel.rule("y", b, Ink.GREY, dash=":")
     if bound is not None:
-        axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
-        text, place = f"least of any: {bound:.1f} s", ("data", "axes fraction")
-        how = {"rotation": 90, "ha": "left", "va": "center", "fontsize": 8.0}
-        axes.annotate(text, (bound, 0.5), xycoords=place, **how)
+        panel.rule("x", bound, Ink.BLACK, "least time of any", width=1.0, dash="--")
+        text = f"least of any: {bound:.1f} s"
+        panel.text(bound, 0.5, text, turned=True, up="center", size=8.0, share="y")
     if missing:
         words = ("not settled: " if bound else "not shown: ") + "; ".join(missing)
-        axes.set_title(fill(words, _WIDE), loc="right", fontsize=8.0, color=Ink.GREY)
-    for side, label in ((axes.xaxis, across.label), (axes.yaxis, up.label)):
-        side.set_label_text(label)
-        side.set_major_formatter(lambda value, _: f"{value:g}")
-        side.set_minor_formatter(lambda value, _: f"{value:g}" if _leading(value) in (2, 5) else "")
+        panel.note = fill(words, _WIDE)
 
 
 def _limits(values: list[float]) -> tuple[float, float]:
@@ -120,37 +98,32 @@ def _limits(values: list[float]) -> tuple[float, float]:
     return least / room, most * room
 
 
-def _leading(value: float) -> int:
-    """Return the first digit of a number above 0."""
-    return round(value / 10.0 ** math.floor(math.log10(value) + 1e-9))
-
-
-@style.styled
-def draw_steps(comparison: LawComparison) -> Figure:
+def draw_steps(comparison: LawComparison) -> Picture:
     """Return the first run of every law on four steps, each with the band to settle in, bound."""
     placed = [p for p in comparison.placed if p.scenario.name in _SHOWN]
     floats = comparison.vehicle.command == "volume change"
-    figure = Figure(figsize=(7.5, 2.3 + 2.2 * math.ceil(len(placed) / 2)))
-    panels = style.grid_of(figure, len(placed), min(2, len(placed)))
-    for axes, p in zip(panels, placed, strict=True):
+    size = (7.5, 2.3 + 2.2 * math.ceil(len(placed) / 2))
+    how: Any = {"letters": True, "legend": "below"}
+    picture, panels = grid_of(size, len(placed), min(2, len(placed)), **how)
+    for panel, p in zip(panels, placed, strict=True):
         name = p.scenario.name
         bound = comparison.bounds.get(name)
         end = p.duration if bound is None else min(_LONG * bound, p.duration)
         for row in comparison.rows:
-            trace, line = row.traces[name], _STYLES.get(row.who.tuning, ":")
+            trace, dash = row.traces[name], _STYLES.get(row.who.tuning, ":")
             kept, color = trace.time <= end, _color(comparison, row)
-            axes.plot(trace.time[kept], trace.depth[kept], line, color=color, lw=1.3)
-        style.band(axes, p.target, BAND if floats else 0.02 * abs(p.target - p.start))
+            seen = trace.time[kept], trace.depth[kept]
+            panel.line(*seen, color, row.who.name, dash=dash, width=1.3)
+        half = BAND if floats else 0.02 * abs(p.target - p.start)
+        panel.span("y", p.target - half, p.target + half, Ink.GREY)
         if bound is not None:
-            axes.axvline(bound, color=Ink.BLACK, lw=1.0, ls="--")
+            panel.rule("x", bound, Ink.BLACK, "least time of any", width=1.0, dash="--")
         far = 0.25 * (p.target - p.start)
-        axes.set(ylim=sorted((p.start - 0.2 * far, p.target + far)), xlim=(0.0, end))
-        style.depth_axis(axes)
-        axes.set_xlabel("time since the set-point changed [s]")
-        axes.set_title(f"{rounded(p.start, 3)} to {rounded(p.target, 3)} m", fontsize=9.0)
-    _key(figure, comparison, lines=True)
-    style.label_panels(panels)
-    return figure
+        low, high = sorted((p.start - 0.2 * far, p.target + far))
+        panel.ylim, panel.xlim, panel.y = (low, high), (0.0, end), "depth [m]"
+        panel.x = "time since the set-point changed [s]"
+        panel.title = f"{rounded(p.start, 3)} to {rounded(p.target, 3)} m"
+    return picture
 
 
 def _laws(comparison: LawComparison) -> list[str]:
@@ -164,19 +137,6 @@ def _color(comparison: LawComparison, row: Row) -> str:
 def _size(comparison: LawComparison, row: Row) -> float:
     """Return a marker's size: smaller from law to law, so that none hides another wholly."""
     return 10.0 - 0.8 * _laws(comparison).index(row.who.law.name)
-
-
-def _key(figure: Figure, comparison: LawComparison, *, lines: bool) -> None:
-    """Draw a legend with an entry for each row, and one for the bound of the steps."""
-    found = []
-    for row in comparison.rows:
-        marker, line = _MARKERS.get(row.who.tuning, "s"), _STYLES.get(row.who.tuning, ":")
-        how: Any = {"ls": line, "lw": 1.3} if lines else {"marker": marker, "ls": "", "ms": 7.0}
-        how |= {"mec": "white", "mew": 0.6, "label": row.who.name}
-        found.append(Line2D([], [], color=_color(comparison, row), **how))
-    if comparison.bounds:
-        found.append(Line2D([], [], color=Ink.BLACK, lw=1.0, ls="--", label="least time of any"))
-    figure.legend(handles=found, loc="outside lower center", ncols=4, fontsize=8.5)
 
 
 SOON = ("law", "settles [s]", "of bound", "95 % [s]", "over [%]", "deep [%]", "lost")

@@ -9,15 +9,12 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Cast
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
-from swimbladder.show.style import Ink, depth_axis, label_panels, styled
+from swimbladder.show.picture import Ink, Panel, Picture
 from swimbladder.sim.engine.rodas.records import HOLDING, Note, Records
 from swimbladder.sim.mission.balance import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
 from swimbladder.sim.mission.export import float_configuration
@@ -38,28 +35,23 @@ _LAYERS = 20  # in which speeds are drawn
 _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0
 
 
-@styled
-def draw_mission(result: MissionResult) -> Figure:
-    """Return the figure of a mission: the first cycle in depth and volume, then all cycles."""
-    rows: Any = [["depth", "speed"], ["volume", "neutral"], ["energy", "battery"]]
-    rows[2:2] = [["power", "power"]] if result.energy_known else []
-    figure = Figure(figsize=(9.5, 2.7 * len(rows)))
-    axes = figure.subplot_mosaic(rows)
+def draw_mission(result: MissionResult) -> Picture:
+    """Return the picture of a mission: the first cycle in depth and volume, then all cycles."""
     flight = result.flight
     title = f"{flight.vehicle.name}: {flight.mission.name or 'mission'}, {flight.column.source}"
-    figure.suptitle(title, fontsize=11.0)
+    count = 3 + result.energy_known
+    picture = Picture((9.5, 2.7 * count), count, 2, title=title, letters=True)
     first = flight.rows[flight.rows["cycle"] == 0.0]
     unit, words = _unit(float(first["t"][-1]))
-    _depth(result, first, unit, words, axes["depth"])
-    _speed(result, axes["speed"])
-    _volume(result, first, unit, words, axes["volume"])
-    _neutral(result, first, axes["neutral"])
+    _depth(result, first, unit, words, picture.add(0, 0))
+    _speed(result, picture.add(0, 1))
+    _volume(result, first, unit, words, picture.add(1, 0))
+    _neutral(result, first, picture.add(1, 1))
     if result.energy_known:
-        _power(result, len(first), unit, words, axes["power"])
-    _energy(result, axes["energy"])
-    _battery(result, axes["battery"])
-    label_panels(list(axes.values()))
-    return figure
+        _power(result, len(first), unit, words, picture)
+    _energy(result, picture.add(count - 1, 0))
+    _battery(result, picture.add(count - 1, 1))
+    return picture
 
 
 def _unit(seconds: float) -> tuple[float, str]:
@@ -69,35 +61,29 @@ def _unit(seconds: float) -> tuple[float, str]:
     return _DAY, "d"
 
 
-def _depth(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first["t"] / unit, first["z"], color=Ink.BLUE, label="depth")
+def _depth(result: MissionResult, first: Records, unit: float, words: str, panel: Panel) -> None:
+    panel.line(first["t"] / unit, first["z"], label="depth")
     notes = result.flight.notes
     notes = notes[notes["t"] <= first["t"][-1]]
-    pump, valve = (Ink.VERMILION, "^", "pump starts"), (Ink.GREEN, "v", "valve opens")
-    for what, (color, marker, name) in ((Note.PUMP, pump), (Note.VALVE, valve)):
+    pump, valve = ("^", Ink.VERMILION, "pump starts"), ("v", Ink.GREEN, "valve opens")
+    for what, how in ((Note.PUMP, pump), (Note.VALVE, valve)):
         some = notes[notes["what"] == what]
         if len(some):
-            at = some["t"] / unit, some["z"]
-            axes.plot(*at, marker, color=color, ms=4, mew=0.0, label=name)
-    bottom = result.flight.mission.bottom
-    if np.isfinite(bottom):
-        axes.axhline(bottom, color=Ink.GREY, ls=":", lw=1.2)
-    depth_axis(axes, "depth [m]" + "\n(dotted: bottom)" * bool(np.isfinite(bottom)))
-    axes.set_xlabel(f"time in the first cycle [{words}]")
-    axes.legend(loc="upper center", ncols=3, fontsize=8, bbox_to_anchor=(0.5, 1.2))
+            panel.dots(some["t"] / unit, some["z"], *how, size=4.0)
+    bottom, known = result.flight.mission.bottom, np.isfinite(result.flight.mission.bottom)
+    if known:
+        panel.rule("y", bottom, dash=":", width=1.2)
+    panel.y = "depth [m]" + "\n(dotted: bottom)" * bool(known)
+    panel.x = f"time in the first cycle [{words}]"
 
 
-def _speed(result: MissionResult, axes: Axes) -> None:
+def _speed(result: MissionResult, panel: Panel) -> None:
     table = speeds(result.flight)
     for way, color in (("sinking", Ink.BLUE), ("rising", Ink.VERMILION)):
         depth, speed = _smoothed(table["depth_m"], table[f"{way}_m_s"])
         if np.isfinite(speed).any():
-            axes.plot(100.0 * speed, depth, color=color, label=way)
-    axes.set_xlim(left=0.0)
-    depth_axis(axes)
-    axes.set_xlabel("mean vertical speed [cm/s]")
-    if axes.lines:
-        axes.legend(loc="best")
+            panel.line(100.0 * speed, depth, color, way)
+    panel.x, panel.y, panel.xlim = "mean vertical speed [cm/s]", "depth [m]", (0.0, None)
 
 
 def _smoothed(depth: Array, speed: Array) -> tuple[Array, Array]:
@@ -108,59 +94,51 @@ def _smoothed(depth: Array, speed: Array) -> tuple[Array, Array]:
     return np.array([np.mean(depth[one]) for one in layers]), np.array(mean)
 
 
-def _volume(result: MissionResult, first: Records, unit: float, words: str, axes: Axes) -> None:
-    axes.plot(first["t"] / unit, 1e6 * first["v"], color=Ink.BLUE)
+def _volume(result: MissionResult, first: Records, unit: float, words: str, panel: Panel) -> None:
+    panel.line(first["t"] / unit, 1e6 * first["v"])
     for stop in (result.flight.vehicle.stroke.minimum, result.flight.vehicle.stroke.maximum):
-        axes.axhline(1e6 * stop, color=Ink.GREY, ls=":", lw=1.2)
-    axes.set_ylabel("volume [cm³]\n(dotted: end stops)")
-    axes.set_xlabel(f"time in the first cycle [{words}]")
+        panel.rule("y", 1e6 * stop, dash=":", width=1.2)
+    panel.x, panel.y = f"time in the first cycle [{words}]", "volume [cm³]\n(dotted: end stops)"
 
 
-def _neutral(result: MissionResult, first: Records, axes: Axes) -> None:
+def _neutral(result: MissionResult, first: Records, panel: Panel) -> None:
     flight = result.flight
     within = flight.column.depth <= float(np.max(first["z"])) * 1.02
     neutral = neutral_volume(flight.vehicle, flight.column)
     lags = flight.vehicle.hull.thermal_time_constant > 0.0
     label = "neutral, with a hull as warm as the water" if lags else "neutral"
-    axes.plot(1e6 * first["v"], first["z"], color=Ink.BLUE, lw=1.0, label="volume")
-    at = 1e6 * neutral[within], flight.column.depth[within]
-    axes.plot(*at, color=Ink.ORANGE, ls="--", label=label)
-    depth_axis(axes)
-    axes.set_xlabel("volume [cm³]")
-    axes.legend(loc="best")
+    panel.line(1e6 * first["v"], first["z"], label="volume", width=1.0)
+    panel.line(1e6 * neutral[within], flight.column.depth[within], Ink.ORANGE, label, dash="--")
+    panel.x, panel.y = "volume [cm³]", "depth [m]"
 
 
-def _power(result: MissionResult, count: int, unit: float, words: str, axes: Axes) -> None:
+def _power(result: MissionResult, count: int, unit: float, words: str, picture: Picture) -> None:
     """Draw each consumer's power over the first `count` rows, as steps on a logarithmic scale."""
     time, energy = result.flight.rows["t"], consumer_energy(result.flight)
     shown = np.flatnonzero(np.diff(time[: count + 1], append=np.inf)[:count] > 0.0)
     power = {name: mean_power(time, taken)[shown] for name, taken in energy.items()}
-    t = time[shown] / unit
     drawn = np.concatenate([np.zeros(0), *(values[values > 0.0] for values in power.values())])
     if not drawn.size:
-        axes.set_visible(False)
         return
+    panel = picture.add(2, 0, 2, ylog=True, legend="beside")
     least, most = float(drawn.min()), float(drawn.max())
     own = {PUMP: Ink.VERMILION, VALVE: Ink.GREEN, HOLDING: Ink.PURPLE}
     others = cycle(product(("-", "--", ":"), (Ink.BLUE, Ink.ORANGE, Ink.SKY, Ink.BLACK, Ink.GREY)))
-    axes.set_yscale("log")
     for name, values in power.items():
-        style, color = ("-", own[name]) if name in own else next(others)
+        dash, color = ("-", own[name]) if name in own else next(others)
         # what is off is far below the axis: a run of seconds in days is a stroke, not a dot
         values = np.where(values > 0.0, values, 1e-6 * least)
-        axes.step(t, values, style, where="post", color=color, lw=1.2, label=name)
-    axes.set(ylim=(0.5 * least, 2.0 * most), ylabel="power [W]")
-    axes.set_xlabel(f"time in the first cycle [{words}]")
-    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8)
+        panel.steps(time[shown] / unit, values, color, name, dash=dash, width=1.2)
+    panel.ylim = (0.5 * least, 2.0 * most)
+    panel.x, panel.y = f"time in the first cycle [{words}]", "power [W]"
 
 
-def _energy(result: MissionResult, axes: Axes) -> None:
+def _energy(result: MissionResult, panel: Panel) -> None:
     columns = cycle_columns(result)
-    axes.set_xlabel("cycle")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    panel.x, panel.counts, panel.legend = "cycle", "x", "best"
     if not result.energy_known:
-        axes.bar(columns["cycle"], 1e6 * columns["pumped_m3"], color=Ink.BLUE)
-        axes.set_ylabel("pumped [cm³]")
+        panel.bars(columns["cycle"], 1e6 * columns["pumped_m3"])
+        panel.y = "pumped [cm³]"
         return
     below = np.zeros(len(columns["cycle"]))
     colors = (Ink.VERMILION, Ink.GREEN, Ink.PURPLE, Ink.GREY)
@@ -168,32 +146,27 @@ def _energy(result: MissionResult, axes: Axes) -> None:
         values = columns[f"{name}_J"] / 1e3
         words = "standby and loads" if name == "loads" else name
         if np.any(values != 0.0):
-            axes.bar(columns["cycle"], values, bottom=below, color=color, label=words, width=0.9)
+            panel.bars(columns["cycle"], values, color, words, base=below, thick=0.9)
             below = below + values
-    axes.set_ylabel("energy per cycle [kJ]")
-    if below.any():
-        axes.set_ylim(0.0, 1.4 * float(below.max()))
-        axes.legend(loc="upper right", ncols=2, fontsize=8)
+    panel.y = "energy per cycle [kJ]"
 
 
-def _battery(result: MissionResult, axes: Axes) -> None:
+def _battery(result: MissionResult, panel: Panel) -> None:
     rows, charge = result.flight.rows, result.charge()
     unit, words = _unit(float(result.flight.end["t"]))
+    panel.x = f"time [{words}]"
     if not result.energy_known:
-        axes.set_axis_off()
         why = result.flight.plan.energy_known.split(". ")[0]
-        axes.text(0.5, 0.5, fill(why, 40), ha="center", va="center", transform=axes.transAxes)
-        return
-    if np.isnan(charge).all():
-        axes.plot(rows["t"] / unit, drawn_energy(rows) / 1e3, color=Ink.BLUE)
-        axes.set_ylabel("energy drawn [kJ]")
+        panel.text(0.5, 0.5, fill(why, 40), across="center", up="center", share="xy")
+    elif np.isnan(charge).all():
+        panel.line(rows["t"] / unit, drawn_energy(rows) / 1e3)
+        panel.y = "energy drawn [kJ]"
     else:
-        axes.plot(rows["t"] / unit, 100.0 * charge, color=Ink.BLUE)
-        axes.set_ylabel("battery left [%]")
+        panel.line(rows["t"] / unit, 100.0 * charge)
+        panel.y = "battery left [%]"
         least = 100.0 * float(charge.min())
         if least < _NEAR_EMPTY:
-            axes.set_ylim(min(0.0, least), 102.0)
-    axes.set_xlabel(f"time [{words}]")
+            panel.ylim = (min(0.0, least), 102.0)
 
 
 class MissionResultShown(Shown[MissionResult]):

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from matplotlib.figure import Figure
+    from swimbladder.show.picture import Picture
 
 
 REPORT = "report.html"
@@ -65,7 +65,7 @@ class Drawn(NamedTuple):
     """A figure: its name, how it is drawn, what texts.toml says of it, of which part it is."""
 
     name: str
-    draw: Callable[[], Figure]
+    draw: Callable[[], Picture]
     about: str = ""
     part: str = ""
 

@@ -4,48 +4,34 @@ import math
 from collections.abc import Iterator
 from functools import partial
 
-from matplotlib.figure import Figure
-
 from swimbladder.design.planning import Plan
-from swimbladder.show import style
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Part, Shown
+from swimbladder.show.picture import Ink, Picture, stacked
 
 
-@style.styled
-def draw_plan(plan: Plan) -> Figure:
+def draw_plan(plan: Plan) -> Picture:
     """Return depth, volume and command of a plan against time."""
     task = plan.task
-    figure, (depth, volume, command) = style.stacked((7.5, 7.5), 1.0, 1.0, 1.0)
-    depth.plot(plan.time, plan.depth, color=Ink.BLUE, label="planned")
-    style.band(depth, task.target, task.band, label=f"target \u00b1 {1e3 * task.band:.3g} mm")
-    label = f"arrived, {plan.arrival:.4g} s"
-    depth.axvline(plan.arrival, color=Ink.BLACK, lw=0.8, ls="--", label=label)
-    style.depth_axis(depth)
-    depth.legend(loc="best")
-    volume.plot(plan.time, 1e6 * plan.volume, color=Ink.BLUE)
-    volume.set_ylabel("volume [cm\u00b3]")
+    picture, (depth, volume, command) = stacked((7.5, 7.5), 1.0, 1.0, 1.0, letters=True)
+    depth.line(plan.time, plan.depth, label="planned")
+    label = f"target \u00b1 {1e3 * task.band:.3g} mm"
+    depth.span("y", task.target - task.band, task.target + task.band, Ink.GREY, label)
+    depth.rule("x", plan.arrival, Ink.BLACK, f"arrived, {plan.arrival:.4g} s", dash="--")
+    volume.line(plan.time, 1e6 * plan.volume)
     asked, name, limit = plan.command, "voltage [V]", task.command[1]
     if task.plant.positioner:
         asked = 1e6 * (plan.command - plan.volume) / task.sample_time
         name, limit = "volume rate [cm\u00b3/s]", 1e6 * limit
-    command.step(plan.time, asked, where="post", color=Ink.BLUE)
-    command.set(ylabel=name, xlabel="time [s]")
-    for axes, ends, factor in ((volume, task.volume, 1e6), (command, (-limit, limit), 1.0)):
-        low, high = axes.get_ylim()
+    command.steps(plan.time, asked)
+    depth.y, volume.y, command.y, command.x = "depth [m]", "volume [cm\u00b3]", name, "time [s]"
+    for panel, ends, factor in ((volume, task.volume, 1e6), (command, (-limit, limit), 1.0)):
+        low, high = panel.limits("y")
         room = 0.5 * (high - low)
         for side in ends:
             if math.isfinite(side) and low - room <= factor * side <= high + room:
-                axes.axhline(factor * side, color=Ink.VERMILION, lw=0.8, ls=":", label="limit")
-        if axes.get_legend_handles_labels()[0]:
-            style.legend_above(axes)
-    depth.set_title(f"{task.vehicle.name}, least {plan.goal}", fontsize=10.0)
-    style.label_panels([depth, volume, command])
-    return figure
+                panel.rule("y", factor * side, Ink.VERMILION, "limit", dash=":")
+    picture.title = f"{task.vehicle.name}, least {plan.goal}"
+    return picture
 
 
 class PlanShown(Shown[Plan]):

@@ -11,7 +11,6 @@ from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from swimbladder.design.experiments.conditions import (
     Conditions,
@@ -32,14 +31,7 @@ from swimbladder.estimation.motion.problem import default_names, model_of
 from swimbladder.show.estimates import rows
 from swimbladder.show.identification_plots import PER_PAGE, draw_fits
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
-from swimbladder.show.style import (
-    Ink,
-    depth_axis,
-    legend_above,
-    new_figure,
-    plain_log_ticks,
-    styled,
-)
+from swimbladder.show.picture import Ink, Picture, one_panel
 
 _NOISE = 2e-3  # m, of a depth where the vehicle states none
 _NOT_YET = 3.0  # of a parameter: nothing is known of it
@@ -108,43 +100,37 @@ def _ended(flight: Flight, day: PoolDay) -> Flight:
     return flight._replace(**cut)
 
 
-@styled
-def draw_plan(plan: Expected) -> Figure:
+def draw_plan(plan: Expected) -> Picture:
     """Return the depths to expect in each experiment of the plan."""
-    figure, (axes,) = new_figure((8.0, 4.2))
+    picture, panel = one_panel((8.0, 4.2), y="depth [m]")
     sizes = sorted({abs(flight.release.moves[0].volume) for flight in plan.flights})
     for flight in plan.flights:
         change = flight.release.moves[0].volume
         color = _COLORS[sizes.index(abs(change)) % len(_COLORS)]
         time = flight.time - flight.time[flight.moved[0]]
-        label = f"±{1e6 * abs(change):.3g} cm³"
-        axes.plot(time, flight.depth, "-" if change < 0.0 else "--", color=color, label=label)
-    depth_axis(axes)
-    axes.set_xlabel("time since the release [s] (dashed: it rises)")
-    legend_above(axes)
-    return figure
+        dash, label = "-" if change < 0.0 else "--", f"{1e6 * change:+.3g} cm³"
+        panel.line(time, flight.depth, color, label.replace("-", "\u2212"), dash=dash)
+    panel.x = "time since the release [s]"
+    return picture
 
 
-@styled
-def draw_precision(day: PoolDay, plan: Expected) -> Figure:
+def draw_precision(day: PoolDay, plan: Expected) -> Picture:
     """Return the expected errors as experiments are done, the targets, and those of now."""
-    figure, (axes,) = new_figure((8.0, 4.2))
+    picture, panel = one_panel((8.0, 4.2), ylog=True, counts="x", legend="beside")
     aims = {target.name: target for target in day.asked.targets}
     for (name, shares), color in zip(plan.shares.items(), _COLORS, strict=False):
-        number = np.arange(1, len(shares) + 1)
         some = np.array([100.0 * x if x < _NOT_YET else np.nan for x in shares])
-        axes.plot(number, some, "o--", color=color, ms=4.0, mfc="white", label=f"{name}, expected")
+        how: Any = {"dash": "--", "marker": "o", "size": 4.0, "hollow": True}
+        panel.line(np.arange(1, len(shares) + 1), some, color, f"{name}, expected", **how)
         aim, e = aims.get(name), day.found and day.found.parameters.get(name)
         if aim is not None and aim.relative:
-            how: Any = {"color": color, "ls": ":", "lw": 1.1, "label": f"{name}, target"}
-            axes.axhline(100.0 * aim.std / MARGIN, **how)
+            at = 100.0 * aim.std / MARGIN
+            panel.rule("y", at, color, f"{name}, target", dash=":", width=1.1)
         if e and e.std and e.value:
             now = len(day.kept), 100.0 * e.std / abs(e.value)
-            axes.plot(*now, "D", color=color, ms=6.0, label=f"{name}, now")
-    axes.set(yscale="log", xlabel="experiments done", ylabel="1 sigma [% of the parameter]")
-    plain_log_ticks(axes, "y")
-    axes.legend(loc="upper right", fontsize=8.0)
-    return figure
+            panel.dots(*now, "D", color, f"{name}, now")
+    panel.x, panel.y = "experiments done", "1 sigma [% of the parameter]"
+    return picture
 
 
 class PoolDayShown(Shown[PoolDay]):

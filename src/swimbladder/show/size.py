@@ -6,8 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swimbladder.design.sizing import Sizing, columns, sized_vehicle
@@ -15,14 +13,8 @@ from swimbladder.design.sizing.candidates import PARTS
 from swimbladder.design.sizing.run import Choice, Sweep
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show import style
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Part, Shown, labelled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of, one_panel
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
 
@@ -41,11 +33,12 @@ _REQUIREMENTS = {
 }
 
 
-@style.styled
-def draw_candidates(found: Sizing) -> Figure:
+def draw_candidates(found: Sizing) -> Picture:
     """Return mass of drive and battery against energy per cycle of every drive that does it."""
     w, energy = found.evaluation, found.evaluation.cycle_energy * 1e-3
-    figure, (axes,) = style.new_figure((7.0, 4.6))
+    title = f"{found.body.name} to {found.asked.dive.max_depth:g} m"
+    how: Any = {"xlog": True, "ylog": True, "title": title, "legend": "beside"}
+    picture, panel = one_panel((7.0, 4.6), **how)
     screw = np.array([c.kind == "electromechanical" for c in found.batch.of])
     for mask, color, marker, label in (
         (w.feasible & ~screw, Ink.BLUE, "o", "pump"),
@@ -53,64 +46,55 @@ def draw_candidates(found: Sizing) -> Figure:
     ):
         if np.any(mask):
             label = f"{label}, {np.count_nonzero(mask):,} drives"
-            how: Any = {"color": color, "marker": marker, "label": label}
-            axes.scatter(w.mass[mask], energy[mask], s=9, alpha=0.5, linewidths=0, **how)
+            panel.dots(w.mass[mask], energy[mask], marker, color, label, size=2.5, alpha=0.5)
     front = found.pareto
-    axes.plot(w.mass[front], energy[front], ".-", color=Ink.BLACK, label="best compromises")
+    panel.line(w.mass[front], energy[front], Ink.BLACK, "best compromises", marker=".")
     best = found.best
-    axes.plot(w.mass[best], energy[best], "*", color=Ink.VERMILION, ms=15, label="chosen")
-    axes.set(xscale="log", yscale="log", ylabel="energy of the drive per cycle [kJ]")
-    axes.set_xlabel(f"drive and battery for {found.asked.dive.cycles} cycles [kg]")
-    axes.set_title(f"{found.body.name} to {found.asked.dive.max_depth:g} m", loc="left")
-    beyond = _frame(axes, w.mass[w.feasible], energy[w.feasible])
-    style.plain_log_ticks(axes, "x", "y")
+    panel.dots(w.mass[best], energy[best], "*", Ink.VERMILION, "chosen", size=15.0)
+    panel.x = f"drive and battery for {found.asked.dive.cycles} cycles [kg]"
+    panel.y = "energy of the drive per cycle [kJ]"
+    beyond = _frame(panel, w.mass[w.feasible], energy[w.feasible])
     if beyond:
-        axes.plot([], [], " ", label=f"{beyond:,} are beyond the edges")
-    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    return figure
+        panel.dots(np.nan, np.nan, ".", Ink.WHITE, f"{beyond:,} are beyond the edges")
+    return picture
 
 
-def _frame(axes: Axes, mass: Array, energy: Array) -> int:
+def _frame(panel: Panel, mass: Array, energy: Array) -> int:
     """Show what comes near the best in both, and return how many drives do not."""
     near = (mass <= _SHOWN * mass.min()) & (energy <= _SHOWN * energy.min())
-    for set_limits, values in ((axes.set_xlim, mass[near]), (axes.set_ylim, energy[near])):
-        set_limits(float(values.min()) / 1.15, 1.15 * float(values.max()))
+    for axis, values in (("x", mass[near]), ("y", energy[near])):
+        setattr(panel, f"{axis}lim", (float(values.min()) / 1.15, 1.15 * float(values.max())))
     return int(np.count_nonzero(~near))
 
 
-@style.styled
-def draw_parts(found: Sizing) -> Figure:
+def draw_parts(found: Sizing) -> Picture:
     """Return the best mass with each part in the drive, all others free, and why there is none."""
     w = found.evaluation
     listed, kinds = [c for c in found.choices if c.what in PARTS], list(PARTS)
     rows = sorted(listed, key=lambda c: (kinds.index(c.what), _volts(c)))
-    figure, (axes,) = style.new_figure((8.0, 0.24 * len(rows) + 1.2))
-    chosen = found.chosen.choices
-    labels, lightest = [], float(w.mass[found.best])
+    task = f"{found.body.name} to {found.asked.dive.max_depth:g} m"
+    title = f"{task}: each part, the others free (red: chosen)"
+    how: Any = {"deep": True, "grid": "x", "title": title}
+    picture, panel = one_panel((8.0, 0.24 * len(rows) + 1.2), **how)
+    chosen, lightest = found.chosen.choices, float(w.mass[found.best])
     for place, choice in enumerate(rows):
-        labels.append(_label(choice.what, choice.name))
         if choice.index < 0:
             why = f"none does: {100.0 * choice.margin:.0f} % of the {choice.missing} needed"
-            axes.text(0.02 * lightest, place, why, va="center", fontsize=8.0, color=Ink.GREY)
+            panel.text(0.02 * lightest, place, why, up="center", size=8.0, color=Ink.GREY)
             continue
         took = chosen.get(choice.what) == choice.name
         mass, battery = float(w.mass[choice.index]), float(w.battery_mass[choice.index])
-        color = Ink.VERMILION if took else Ink.BLUE
-        axes.barh(place, mass - battery, color=color, height=0.7)
-        axes.barh(place, battery, left=mass - battery, color=color, alpha=0.45, height=0.7)
+        bar: Any = {"color": Ink.VERMILION if took else Ink.BLUE, "thick": 0.7, "flat": True}
+        panel.bars(place, mass - battery, **bar)
+        panel.bars(place, battery, base=mass - battery, alpha=0.45, **bar)
         if mass > _WIDEST * lightest:
             text = f"{rounded(mass, 2)} kg \N{RIGHTWARDS ARROW}"
-            how: Any = {"bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.0}}
-            how |= {"ha": "right", "va": "center", "fontsize": 8.0}
-            axes.text(0.995 * _WIDEST * lightest, place, text, **how)
-    axes.set_yticks(range(len(rows)), labels, fontsize=8.0)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.grid(axis="y", visible=False)
-    label = "least mass with that part: drive (full colour) and battery (pale) [kg]"
-    axes.set(xlim=(0.0, _WIDEST * lightest), xlabel=label)
-    task = f"{found.body.name} to {found.asked.dive.max_depth:g} m"
-    axes.set_title(f"{task}: each part, the others free (red: chosen)", loc="left")
-    return figure
+            how = {"across": "right", "up": "center", "size": 8.0, "boxed": True}
+            panel.text(0.995 * _WIDEST * lightest, place, text, **how)
+    panel.yticks = {place: _label(c.what, c.name) for place, c in enumerate(rows)}
+    panel.ylim, panel.xlim = (-0.6, len(rows) - 0.4), (0.0, _WIDEST * lightest)
+    panel.x = "least mass with that part: drive (full color) and battery (pale) [kg]"
+    return picture
 
 
 def _volts(choice: Choice) -> float:
@@ -122,24 +106,22 @@ def _label(what: str, name: str) -> str:
     return name if what in name or what in ("kind", "pump", "battery") else f"{what} {name}"
 
 
-@style.styled
-def draw_requirements(found: Sizing) -> Figure:
+def draw_requirements(found: Sizing) -> Picture:
     """Return what each wish costs: the least mass and its stroke as depth, time, ... change.
 
     Behind them where the chosen drive's battery goes.
     """
     sweeps = [sweep for sweep in found.sweeps if len(sweep.values) > 1]
     count = len(sweeps) + 1
-    figure = Figure(figsize=(10.5, 2.9 * math.ceil(count / 3)))
-    panels = style.grid_of(figure, count, 3)
-    for axes, sweep in zip(panels, sweeps, strict=False):
-        _requirement(axes, sweep, getattr(found.asked.dive, sweep.what))
+    size = (10.5, 2.9 * math.ceil(count / 3))
+    picture, panels = grid_of(size, count, 3, letters=True, legend="below")
+    for panel, sweep in zip(panels, sweeps, strict=False):
+        _requirement(picture, panel, sweep, getattr(found.asked.dive, sweep.what))
     _spent(panels[len(sweeps)], found)
-    style.label_panels(panels)
-    return figure
+    return picture
 
 
-def _spent(axes: Axes, found: Sizing) -> None:
+def _spent(panel: Panel, found: Sizing) -> None:
     """Draw what becomes of the battery's energy."""
     budget, best, dive = found.evaluation.spent, found.best, found.asked.dive
     drive = dive.cycles * found.evaluation.cycle_energy[best] - budget.driver_loss[best]
@@ -155,29 +137,23 @@ def _spent(axes: Axes, found: Sizing) -> None:
     }
     energy = [float(value) / 3600.0 for value in bars.values()]
     colors = [Ink.BLUE] * 3 + [Ink.ORANGE] * 4  # drawn, and not to be had
-    axes.barh(range(len(bars)), energy, color=colors, height=0.7)
-    axes.set_yticks(range(len(bars)), list(bars), fontsize=8.0)
-    axes.invert_yaxis()
-    axes.grid(axis="y", visible=False)
-    axes.set_xlabel("of the chosen battery [Wh] (orange: not drawn)")
+    panel.bars(range(len(bars)), energy, colors, thick=0.7, flat=True)
+    panel.yticks, panel.deep, panel.grid = dict(enumerate(bars)), True, "x"
+    panel.x = "of the chosen battery [Wh] (orange: not drawn)"
 
 
-def _requirement(axes: Axes, sweep: Sweep, asked: float) -> None:
+def _requirement(picture: Picture, panel: Panel, sweep: Sweep, asked: float) -> None:
     name, unit = _REQUIREMENTS[sweep.what]
     x = np.array(sweep.values) / unit
-    axes.plot(x, sweep.mass, color=Ink.BLUE, marker="o", label="mass [kg]")
-    axes.set_xlabel(name)
-    axes.set_ylabel("drive and battery [kg]", color=Ink.BLUE)
-    axes.set_ylim(0.0, _ABOVE * float(np.nanmax(sweep.mass, initial=0.0)) or None)
-    other = axes.twinx()
-    other.spines["right"].set_visible(True)
-    other.plot(x, np.array(sweep.stroke) * 1e6, color=Ink.ORANGE, marker="^", ls="--")
-    other.set_ylabel("stroke [cm³]", color=Ink.ORANGE)
-    other.set_ylim(0.0, _APART * 1e6 * max(sweep.stroke))
-    other.grid(visible=False)
-    axes.axvline(asked / unit, color=Ink.GREY, lw=0.8, ls=":")
+    panel.line(x, sweep.mass, label="mass", marker="o")
+    panel.x, panel.y = name, "drive and battery [kg]"
+    panel.ylim = (0.0, _ABOVE * float(np.nanmax(sweep.mass, initial=0.0)) or None)
+    other = picture.add(panel.row, panel.column, x_of=panel, over=True, grid="")
+    other.line(x, np.array(sweep.stroke) * 1e6, Ink.ORANGE, "stroke", marker="^", dash="--")
+    other.y, other.ylim = "stroke [cm³]", (0.0, _APART * 1e6 * max(sweep.stroke))
+    panel.rule("x", asked / unit, dash=":")
     for place in x[~np.isfinite(np.array(sweep.mass))]:
-        axes.text(place, 0.0, "none", color=Ink.VERMILION, ha="center", va="bottom", fontsize=8.0)
+        panel.text(place, 0.0, "none", color=Ink.VERMILION, across="center", size=8.0)
 
 
 _DIGITS = 12  # that are written: more than a part is known to, fewer than what sums of floats add

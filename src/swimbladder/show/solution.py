@@ -2,64 +2,43 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Column
-from swimbladder.show import style
-from swimbladder.show.parts import (
-    Drawn,
-    Labelled,
-    Part,
-    Shown,
-    Table,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.sim.closed_loop import Solution, StepMetrics, step_metrics
 
 Array = NDArray[np.float64]
 _SETTLED = 0.02  # of a step, as step_metrics has it
 
 
-def plot_solution(solution: Solution, path: str | Path) -> Path:
-    """Write a picture of a simulation: what is known of depth, volume, voltage, power, current.
-
-    The suffix of the path chooses the format. Raises InputError where it cannot be written.
-    """
-    return style.save(draw_solution(solution), path)
-
-
-@style.styled
-def draw_solution(solution: Solution) -> Figure:
-    """Return the figure that plot_solution writes."""
+def draw_solution(solution: Solution) -> Picture:
+    """Return what is known of depth, volume, voltage or drive, power, current over time."""
     s = solution
     values = {"voltage": s.voltage, "drive": s.drive}
     values |= {"power [W]": s.power, "current [A]": s.current}
     known = {name: x for name, x in values.items() if not np.all(np.isnan(x))}
     ends = [float(max(s.time[-1], s.time[0] + 1e-9)), *_early(s)]
     rows, wide = 2 + len(known), len(ends)
-    shape = {"sharex": "col", "sharey": "row", "width_ratios": (2.0, 1.0)[:wide]}
-    figure, made = style.new_figure(
-        (7.5 + 2.0 * (wide - 1), 1.0 + 1.65 * rows), rows, wide, **shape
-    )
+    size = (7.5 + 2.0 * (wide - 1), 1.0 + 1.65 * rows)
+    shape: Any = {"sharex": "column", "sharey": "row", "widths": (2.0, 1.0)[:wide]}
+    picture, made = grid_of(size, rows * wide, wide, **shape)
     for column, end in enumerate(ends):
-        axes = made[column::wide]
-        _panels(s, known, axes, legend=column == 0)
-        axes[-1].set_xlim(float(s.time[0]), end)
+        panels = made[column::wide]
+        _panels(s, known, panels)
+        for panel in panels:
+            panel.xlim = (float(s.time[0]), end)
+            if column:
+                panel.y = panel.legend = ""
         if column:
-            axes[0].set_title(f"the first {end:.3g} s", fontsize=10.0)
-            for place in axes:
-                place.set_ylabel("")
-    figure.align_ylabels(made[::wide])
-    return figure
+            panels[0].title = f"the first {end:.3g} s"
+    return picture
 
 
 def _early(s: Solution) -> list[float]:
@@ -75,80 +54,74 @@ def _early(s: Solution) -> list[float]:
     return [float(s.time[0]) + 3.0 * busy] if 0.0 < busy < 0.1 * span else []
 
 
-def _panels(s: Solution, known: dict[str, Array], axes: list[Axes], *, legend: bool) -> None:
+def _panels(s: Solution, known: dict[str, Array], panels: list[Panel]) -> None:
     """Draw depth, volume and what is known of the drive, from above."""
-    _depth(s, axes[0], legend=legend)
-    _volume(s, axes[1], legend=legend)
-    for (name, x), place in zip(known.items(), axes[2:], strict=True):
+    _depth(s, panels[0])
+    _volume(s, panels[1])
+    for (name, x), panel in zip(known.items(), panels[2:], strict=True):
         if name == "voltage":
-            place.step(s.time, x, where="post", color=Ink.GREEN, lw=0.9)
-            place.set_ylabel("voltage [V]")
+            panel.steps(s.time, x, Ink.GREEN, width=0.9)
+            panel.y = "voltage [V]"
         elif name == "drive":
-            _drive(place, s.time, x)
+            _drive(panel, s.time, x)
         else:  # points: just after a change of voltage they are peaks, which a line would hold
-            place.plot(s.time, x, ".", color=Ink.GREEN, ms=2.5, mew=0.0)
-            place.set_ylabel(f"{name}\nat samples")
-    axes[-1].set_xlabel("time [s]")
+            panel.dots(s.time, x, ".", Ink.GREEN, size=2.5)
+            panel.y = f"{name}\nat samples"
+    panels[-1].x = "time [s]"
 
 
-def _depth(s: Solution, axes: Axes, *, legend: bool) -> None:
+def _depth(s: Solution, panel: Panel) -> None:
     if not np.all(np.isnan(s.reference)):
-        style.setpoint(axes, s.time, s.reference)
-        _settling_band(s, axes)
-    axes.plot(s.time, s.depth, color=Ink.BLUE, label="depth")
+        panel.setpoint(s.time, s.reference)
+        _settling_band(s, panel)
+    panel.line(s.time, s.depth, label="depth")
     for kind, marker in (("reached the bottom", "v"), ("began to emerge", "^")):
         at = [event.time for event in s.events if event.kind == kind]
         if at:
-            axes.plot(at, np.interp(at, s.time, s.depth), marker, color=Ink.BLACK, ms=5, label=kind)
+            panel.dots(at, np.interp(at, s.time, s.depth), marker, Ink.BLACK, kind, size=5.0)
     if (alarm := s.alarm) is not None:
-        how: Any = {"color": Ink.ORANGE, "ms": 7, "zorder": 3, "label": "supervisor took over"}
-        axes.plot(alarm.time, np.interp(alarm.time, s.time, s.depth), "X", **how)
-    style.depth_axis(axes)
-    if legend and len(axes.get_lines()) > 1:
-        style.legend_above(axes)
+        at_depth, label = np.interp(alarm.time, s.time, s.depth), "supervisor took over"
+        panel.dots(alarm.time, at_depth, "X", Ink.ORANGE, label, size=7.0, layer=3.0)
+    panel.y = "depth [m]"
 
 
-def _settling_band(s: Solution, axes: Axes) -> None:
+def _settling_band(s: Solution, panel: Panel) -> None:
     """Shade 2 % of each step to either side of its set-point."""
     changes = np.flatnonzero(np.diff(s.reference) != 0.0) + 1
-    before, label = float(s.depth[0]), "2 % of the step"
+    before = float(s.depth[0])
     for part in np.split(np.arange(len(s.time)), changes):
         target = float(s.reference[part[0]])
         half = _SETTLED * abs(target - before)
         if half > 0.0:
-            end = s.time[min(part[-1] + 1, len(s.time) - 1)]
-            how: Any = {"color": Ink.GREY, "alpha": 0.25, "lw": 0.0, "label": label}
-            axes.fill_between([s.time[part[0]], end], target - half, target + half, **how)
-            label = "_nolegend_"
+            ends = s.time[part[0]], s.time[min(part[-1] + 1, len(s.time) - 1)]
+            panel.band(ends, target - half, target + half, Ink.GREY, "2 % of the step")
         before = target
 
 
-def _volume(s: Solution, axes: Axes, *, legend: bool) -> None:
-    if not np.all(np.isnan(s.volume_reference)):
-        how: Any = {"where": "post", "color": Ink.ORANGE, "lw": 0.8, "label": "asked for"}
-        axes.step(s.time, s.volume_reference * 1e6, **how)
-    axes.plot(s.time, s.volume * 1e6, color=Ink.BLUE, label="volume")
+def _volume(s: Solution, panel: Panel) -> None:
+    asked = not np.all(np.isnan(s.volume_reference))
+    if asked:
+        panel.steps(s.time, s.volume_reference * 1e6, Ink.ORANGE, "asked for", width=0.8)
+    panel.line(s.time, s.volume * 1e6, label="volume")
     low, high = float(s.volume.min()) * 1e6, float(s.volume.max()) * 1e6
     room = 0.1 * max(high - low, 1e-3)
     for stop in (s.vehicle.stroke.minimum * 1e6, s.vehicle.stroke.maximum * 1e6):
         if low - room <= stop <= high + room:
-            axes.axhline(stop, color=Ink.BLACK, ls=":", lw=1.0, label="end stop")
-    if not np.all(np.isnan(s.volume_reference)):
-        # what is asked for may go far beyond what any motor follows
-        axes.set_ylim(low - 3.0 * room, high + 3.0 * room)
-    axes.set_ylabel("volume [cm³]")
-    if legend and len(axes.get_lines()) > 1:
-        style.legend_above(axes)
+            panel.rule("y", stop, Ink.BLACK, "end stop", dash=":", width=1.0)
+    if asked:  # what is asked for may go far beyond what any motor follows
+        panel.ylim = (low - 3.0 * room, high + 3.0 * room)
+    panel.y = "volume [cm³]"
+    panel.legend = "above" if len({mark.label for mark in panel.marks}) > 1 else ""
 
 
-def _drive(axes: Axes, time: Array, drive: Array) -> None:
+def _drive(panel: Panel, time: Array, drive: Array) -> None:
     """Draw when pump, valve and bypass run; a run counts for the sample that it begins in."""
     runs = {"pump": (1.0, 4.0), "valve": (2.0,), "bypass": (3.0,)}
     for place, kinds in enumerate(runs.values()):
         on = np.flatnonzero(np.isin(drive, kinds))
-        axes.plot(time[on], np.full(len(on), place), "|", color=Ink.GREEN, ms=9, mew=0.9)
-    axes.set_yticks(range(len(runs)), list(runs))
-    axes.set(ylim=(-0.6, len(runs) - 0.4), ylabel="drive [on]")
+        panel.dots(time[on], np.full(len(on), place), "|", Ink.GREEN, size=9.0)
+    panel.yticks, panel.ylim = dict(enumerate(runs)), (-0.6, len(runs) - 0.4)
+    panel.y = "drive [on]"
 
 
 _PLACE = ("time_s", "start_depth_m", "target_depth_m")

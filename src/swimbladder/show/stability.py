@@ -5,16 +5,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 
 from swimbladder.design.stability.recover import Map, Verdict
 from swimbladder.design.stability.run import Stability, cycle_rows, robustness_rows
 from swimbladder.errors import NoAnswerError
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
-from swimbladder.show.style import Ink, label_panels, new_figure, stacked, styled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of, stacked
 from swimbladder.units import length
 
 _CAME_BACK = {Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY, Verdict.UNSETTLED: Ink.ORANGE}
@@ -22,15 +18,10 @@ _COLORS = _CAME_BACK | {Verdict.NOT_ASKED: "#FFFFFF", Verdict.LOST: Ink.VERMILIO
 _COLORS |= {Verdict.BROUGHT_UP: Ink.PURPLE}
 
 
-@styled
-def draw_recovery(found: Stability) -> Figure:
+def draw_recovery(found: Stability) -> Picture:
     """Return the maps: a cell for each run, a line where no controller comes back any more."""
-    figure, panels = new_figure((9.0, 7.5), 2, 2)
-    for axes, one in zip(panels, found.maps, strict=True):
-        _draw(axes, one)
-    label_panels(panels)
-    for axes, one in zip(panels, found.maps, strict=True):
-        axes.set_title(one.title, fontsize=9.5)
+    how: Any = {"letters": True, "legend": "below", "across": 3}
+    picture, panels = grid_of((9.0, 7.5), 4, 2, title=f"{found.vehicle}, {found.flown}", **how)
     labels = {
         Verdict.RECOVERED: f"within {length(found.band, 3, 'cm')} in {found.within:g} s, and stays",
         Verdict.SLOW: "later",
@@ -39,53 +30,53 @@ def draw_recovery(found: Stability) -> Figure:
     }
     if found.supervised:
         labels[Verdict.BROUGHT_UP] = "brought up by the supervisor"
-    handles: list[Any] = [Patch(color=_COLORS[v], label=text) for v, text in labels.items()]
-    handles += [line for axes in panels for line in axes.get_lines()][:1]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3)
-    figure.suptitle(f"{found.vehicle}, {found.flown}", fontsize=10.5)
-    return figure
+    for panel, one in zip(panels, found.maps, strict=True):
+        _draw(panel, one)
+        for verdict, text in labels.items():  # of all kinds, whether they occur or not
+            panel.area(np.nan, np.nan, _COLORS[verdict], text, alpha=1.0)
+    return picture
 
 
-def _draw(axes: Axes, one: Map) -> None:
-    shades = ListedColormap([_COLORS[v] for v in Verdict])
-    how: Any = {"vmin": -0.5, "vmax": len(Verdict) - 0.5, "shading": "nearest"}
-    axes.pcolormesh(one.x, one.y, one.verdicts, cmap=shades, rasterized=True, **how)
-    low, high = axes.get_ylim()
-    if np.isfinite(one.edge).any() and float(np.min(one.edge)) < high:
+def _draw(panel: Panel, one: Map) -> None:
+    steps = one.name == "steps"
+    scale = np.asarray if steps else np.cbrt  # speeds are spaced by their cube
+    y = scale(one.y)
+    panel.cells(one.x, y, one.verdicts, [_COLORS[v] for v in Verdict])
+    low, high = float(np.min(y)), float(np.max(y))
+    half = 0.5 * (high - low) / max(len(y) - 1, 1)
+    panel.ylim = (low - half, high + half)
+    if np.isfinite(one.edge).any() and float(np.min(scale(one.edge))) < high:
         label = "beyond it no controller comes back"
-        axes.plot(one.x, one.edge, color=Ink.BLACK, lw=1.8, label=label)
-    axes.set_ylim(low, high)
-    if one.name != "steps":  # speeds are spaced by their cube
-        axes.set_yscale("function", functions=(np.cbrt, lambda x: x**3))
-        sizes = [size for size in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0) if size < high]
-        axes.set_yticks([-size for size in reversed(sizes)] + [0.0, *sizes])
-        axes.yaxis.set_major_formatter("{x:g}")
-    axes.grid(visible=False)
-    axes.set(xlabel=one.x_label, ylabel=one.y_label)
+        panel.line(one.x, scale(one.edge), Ink.BLACK, label, width=1.8)
+    if not steps:
+        sizes = [
+            size for size in (0.01, 0.1, 0.5, 1.0, 2.0, 5.0, 10.0) if size < float(one.y.max())
+        ]
+        shown = [-size for size in reversed(sizes)] + [0.0, *sizes]
+        panel.yticks = {float(np.cbrt(size)): f"{size:g}" for size in shown}
+    panel.grid, panel.title, panel.x, panel.y = "", one.title, one.x_label, one.y_label
 
 
-@styled
-def draw_robustness(found: Stability) -> Figure:
+def draw_robustness(found: Stability) -> Picture:
     """Return the share of draws that settle against the gain, a line for each law and delay."""
     laws = list(dict.fromkeys(s.law for s in found.robustness))
-    figure, panels = stacked((7.5, 2.2 + 1.5 * len(laws)), *[1.0] * len(laws))
-    for axes, law in zip(panels, laws, strict=True):
+    size = (7.5, 2.2 + 1.5 * len(laws))
+    picture, panels = stacked(size, *[1.0] * len(laws), letters=True, legend="below")
+    gains = sorted({s.gain for s in found.robustness})
+    for panel, law in zip(panels, laws, strict=True):
         own = [s for s in found.robustness if s.law == law]
-        delays, marks = sorted({s.delay for s in own}), ((Ink.BLUE, "o-"), (Ink.VERMILION, "s--"))
-        for delay, (color, mark) in zip(delays, marks, strict=False):
+        delays, marks = (
+            sorted({s.delay for s in own}),
+            ((Ink.BLUE, "o", "-"), (Ink.VERMILION, "s", "--")),
+        )
+        for delay, (color, marker, dash) in zip(delays, marks, strict=False):
             line = np.array([(s.gain, 100.0 * s.settled) for s in own if s.delay == delay])
             label = f"{delay:g} s late" if delay else "nominal"
-            axes.plot(*line.T, mark, color=color, label=label)
-        axes.set(ylim=(-5.0, 105.0), ylabel="settle [%]")
-        axes.set_title(law, fontsize=9.5)
-    panels[-1].set_xscale("log")
-    gains = sorted({s.gain for s in found.robustness})
-    panels[-1].set_xticks(gains, [f"{g:g}" for g in gains], minor=False)
-    panels[-1].set_xticks([], minor=True)
-    panels[-1].set_xlabel("gain on the command [-]")
-    panels[0].legend(loc="lower left")
-    label_panels(panels)
-    return figure
+            panel.line(line[:, 0], line[:, 1], color, label, marker=marker, dash=dash)
+        panel.ylim, panel.y, panel.title = (-5.0, 105.0), "settle [%]", law
+        panel.xlog, panel.xticks = True, {gain: f"{gain:g}" for gain in gains}
+    panels[-1].x = "gain on the command [-]"
+    return picture
 
 
 class StabilityShown(Shown[Stability]):

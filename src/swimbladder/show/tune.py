@@ -6,24 +6,15 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from swimbladder.control.law import leaves
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.tuning import Tuning
 from swimbladder.design.tuning.margins import WANTED
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show import style
 from swimbladder.show.html import TEXTS
-from swimbladder.show.parts import (
-    Drawn,
-    Part,
-    Shown,
-    Table,
-    labelled,
-)
-from swimbladder.show.style import Ink
+from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
+from swimbladder.show.picture import Ink, Picture, grid_of, stacked
 from swimbladder.units import shown_unit, unit_factor
 
 _LEAST = 0.05  # sensitivity that is shown
@@ -31,10 +22,10 @@ _QUIET = 0.2  # of the supply's voltage: where less is used the supply is not sh
 _LONG = 4.0  # times the median settling, that is shown
 
 
-@style.styled
-def draw_tuning(tuning: Tuning) -> Figure:
+def draw_tuning(tuning: Tuning) -> Picture:
     """Return depth, volume and voltage of the trials against time."""
-    figure, (depth, volume, voltage) = style.stacked((7.5, 7.5), 1.0, 1.0, 1.0)
+    picture, panels = stacked((7.5, 7.5), 1.0, 1.0, 1.0, letters=True)
+    depth, volume, voltage = panels
     step = tuning.step
     settle = tuning.nominal.settle_median
     volts = tuning.law.command == "voltage"
@@ -47,70 +38,56 @@ def draw_tuning(tuning: Tuning) -> Figure:
         kept = traces.time <= end
         command = traces.command * (1.0 if volts or traces.seconds else 1e6)
         values = (traces.depth, 1e6 * traces.volume, command)
-        for axes, y in zip((depth, volume, voltage), values, strict=True):
-            lines = axes.plot(traces.time[kept], y[kept], color=color, lw=width, alpha=alpha)
-            lines[0].set_label(label)
+        for panel, columns in zip(panels, values, strict=True):
+            for y in columns[kept].reshape(int(kept.sum()), -1).T:
+                panel.line(traces.time[kept], y, color, label, width=width, alpha=alpha)
     half = tuning.band or 0.02 * abs(step.target - step.start)
     size = f"{half:.3g} m" if tuning.band else "2 %"
     # Of floats one half goes the other way.
     for goal in (step.start, step.target)[0 if tuning.band else 1 :]:
-        style.band(depth, goal, half)
-        depth.axhline(goal, color=Ink.BLACK, lw=0.8, ls="--")
-    depth.get_lines()[-1].set_label(f"set-point, {size} band")
+        depth.span("y", goal - half, goal + half, Ink.GREY)
+        depth.rule("y", goal, Ink.BLACK, f"set-point, {size} band", dash="--")
     limit = (
         tuning.result_vehicle.supply.voltage if volts and tuning.result_vehicle.supply else math.inf
     )
     used = max(float(np.abs(traces.command).max()) for traces in tuning.shown)
     if _QUIET * limit <= used:  # else it would squeeze what is used to a line
         for side in (-limit, limit):
-            line = voltage.axhline(side, color=Ink.VERMILION, lw=0.8, ls=":", label="supply")
-        voltage.legend(handles=[line], loc="lower right")
-    style.depth_axis(depth)
-    volume.set_ylabel("volume [cm³]")
+            voltage.rule("y", side, Ink.VERMILION, "supply", dash=":")
     asked = "change asked for [cm³]" if tuning.band else "volume asked for [cm³]"
     if tuning.shown[0].seconds:
         asked = "pump (+) or valve (−)\nin each sample [s]"
-    voltage.set_ylabel("voltage [V]" if volts else asked)
-    voltage.set_xlabel("time since the set-point changed [s]")
-    depth.legend(loc="best")
-    title = f"{tuning.result_vehicle.name}, {tuning.law.name} tuned for {tuning.goal}"
-    depth.set_title(title, fontsize=10.0)
-    style.label_panels([depth, volume, voltage])
-    return figure
+    depth.y, volume.y, voltage.y = "depth [m]", "volume [cm³]", "voltage [V]" if volts else asked
+    voltage.x, volume.legend = "time since the set-point changed [s]", ""
+    picture.title = f"{tuning.result_vehicle.name}, {tuning.law.name} tuned for {tuning.goal}"
+    return picture
 
 
-@style.styled
-def draw_sensitivity(tuning: Tuning) -> Figure:
+def draw_sensitivity(tuning: Tuning) -> Picture:
     """Return |S| = |1/(1 + L)| of all vehicles of the region, broken at voltage and depth."""
-    figure, panels = style.new_figure((7.5, 3.8), 1, 2, sharey=True)
+    picture, panels = grid_of((7.5, 3.8), 2, 2, sharey="all", letters=True, legend="below")
     count = len(tuning.plants)  # of loops at each depth, the nominal one first
     loops = [(n % count > 0, loop) for n, loop in enumerate(tuning.loops())]
     loops.sort(key=lambda one: not one[0])  # the nominal one on top
-    for axes, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
+    varied: Any = {"color": Ink.ORANGE, "label": "over the region", "width": 0.7, "alpha": 0.7}
+    nominal: Any = {"color": Ink.BLUE, "label": "nominal", "width": 1.6}
+    for panel, place in zip(panels, (tuning.law.command, "measured depth"), strict=True):
         first = math.inf
-        for varied, loop in loops:
+        for other, loop in loops:
             broken = (
                 loop.broken_at_depth() if place == "measured depth" else loop.broken_at_command()
             )
             w, values = frequency_response(broken)
             seen = w[abs(1.0 + values) < 1.0 / _LEAST]
             first = min(first, float(seen[0]) if len(seen) else math.inf)
-            color, lw, alpha = (Ink.ORANGE, 0.7, 0.7) if varied else (Ink.BLUE, 1.6, 1.0)
-            axes.loglog(w, 1.0 / abs(1.0 + values), color=color, lw=lw, alpha=alpha)
-        axes.axhline(WANTED.peak_sensitivity, color=Ink.VERMILION, lw=1.0, ls="--")
-        axes.set_title(f"broken at the {place}", fontsize=10.0)
+            panel.line(w, 1.0 / abs(1.0 + values), **(varied if other else nominal))
+        most = WANTED.peak_sensitivity
+        panel.rule("y", most, Ink.VERMILION, "most that is allowed", width=1.0, dash="--")
         least = max(0.5 * first, 1e-4) if math.isfinite(first) else 1e-3
-        axes.set(xlabel="frequency [rad/s]", xlim=(least, None), ylim=(_LEAST, 3.0))
-        style.plain_log_ticks(axes, "y")
-    panels[0].set_ylabel("sensitivity |S| [-]")
-    lines = [
-        Line2D([], [], color=Ink.BLUE, lw=1.6, label="nominal"),
-        Line2D([], [], color=Ink.ORANGE, lw=0.8, label="over the region"),
-        Line2D([], [], color=Ink.VERMILION, lw=1.0, ls="--", label="most that is allowed"),
-    ]
-    panels[0].legend(handles=lines, loc="lower right")
-    style.label_panels(panels)
-    return figure
+        panel.xlim, panel.ylim, panel.xlog, panel.ylog = (least, None), (_LEAST, 3.0), True, True
+        panel.title, panel.x = f"broken at the {place}", "frequency [rad/s]"
+    panels[0].y = "sensitivity |S| [-]"
+    return picture
 
 
 class TuningShown(Shown[Tuning]):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cache, partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
@@ -14,14 +14,10 @@ from swimbladder.physics.actuator import reduced
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import body_plant, terminal_speed
 from swimbladder.show.parts import Drawn, Part, Shown, Table
-from swimbladder.show.style import Ink, depth_axis, label_panels, legend_above, new_figure, styled
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.units import rounded, shown_unit, unit_factor
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, meanings
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _DEEP = 100.0  # m, drawn of a vehicle whose reach nothing limits
 _DIGITS = 6
@@ -107,35 +103,26 @@ def _depths(v: Vehicle) -> Any:
     return np.linspace(0.0, max(known[:1] or [_DEEP]), 201)
 
 
-@styled
-def draw_reach(v: Vehicle) -> Figure:
+def draw_reach(v: Vehicle) -> Picture:
     """Return neutral volume and rate of the volume over depth, and the speed by volume."""
-    figure, (neutral, speed, rate) = new_figure((11.0, 4.2), 1, 3)
+    picture, (neutral, speed, rate) = grid_of((11.0, 4.2), 3, 3, letters=True)
     z, stroke = _depths(v), v.stroke
-    ends = 1e6 * stroke.minimum, 1e6 * stroke.maximum
-    neutral.axvspan(*ends, color=Ink.SKY, alpha=0.2, lw=0.0, label="stroke")
-    volumes = [1e6 * v.neutral_volume(depth) for depth in z.tolist()]
-    neutral.plot(volumes, z, color=Ink.BLUE, label="neutral")
+    neutral.span("x", 1e6 * stroke.minimum, 1e6 * stroke.maximum, Ink.SKY, "stroke", alpha=0.2)
+    neutral.line([1e6 * v.neutral_volume(depth) for depth in z.tolist()], z, label="neutral")
     limit = v.hull.depth_limit
     if limit is not None:
-        neutral.axhline(limit, color=Ink.VERMILION, ls="--", lw=1.1, label="rated depth")
-    neutral.set_xlabel("volume [cm³]")
-    depth_axis(neutral)
+        neutral.rule("y", limit, Ink.VERMILION, "rated depth", dash="--", width=1.1)
     _speeds(v, speed)
     found = drive_map(v, v.water.specific_weight * z, power=False)
-    rate.plot(1e6 * found.rate_out, z, color=Ink.BLUE, label="out")
-    rate.plot(1e6 * found.rate_in, z, color=Ink.VERMILION, ls="--", label="in")
-    rate.set(xlabel="volume rate [cm³/s]", xlim=(0.0, None))
-    depth_axis(rate)
-    for axes in (neutral, rate):
-        axes.set_ylim(z[-1] * 1.02, 0.0)
-    for axes in (neutral, speed, rate):
-        legend_above(axes)
-    label_panels([neutral, speed, rate])
-    return figure
+    rate.line(1e6 * found.rate_out, z, label="out")
+    rate.line(1e6 * found.rate_in, z, Ink.VERMILION, "in", dash="--")
+    neutral.x, rate.x, rate.xlim = "volume [cm³]", "volume rate [cm³/s]", (0.0, None)
+    for panel in (neutral, rate):
+        panel.y, panel.ylim = "depth [m]", (0.0, float(z[-1]) * 1.02)
+    return picture
 
 
-def _speeds(v: Vehicle, axes: Axes) -> None:
+def _speeds(v: Vehicle, panel: Panel) -> None:
     """Draw the terminal speeds by the volume's distance from neutral."""
     p, ratio = body_plant(v), v.drag.rising_ratio
     volumes = np.linspace(0.0, 0.5 * (v.stroke.maximum - v.stroke.minimum), 101)
@@ -143,9 +130,9 @@ def _speeds(v: Vehicle, axes: Axes) -> None:
     ways = {"terminal speed": (1.0, Ink.BLUE)} if ratio == 1.0 else both
     for label, (share, color) in ways.items():
         speeds = [terminal_speed(p, p.a_b * volume / share) for volume in volumes.tolist()]
-        axes.plot(1e6 * volumes, 100.0 * np.array(speeds), color=color, label=label)
-    axes.set(xlabel="volume above or below neutral [cm³]", ylabel="speed [cm/s]")
-    axes.set(xlim=(0.0, None), ylim=(0.0, None))
+        panel.line(1e6 * volumes, 100.0 * np.array(speeds), color, label)
+    panel.x, panel.y = "volume above or below neutral [cm³]", "speed [cm/s]"
+    panel.xlim = panel.ylim = (0.0, None)
 
 
 class _Number(NamedTuple):

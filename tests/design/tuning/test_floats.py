@@ -34,9 +34,11 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
+from swimbladder.show.picture import Curve
 from swimbladder.show.tune import draw_tuning
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle.spread import Spread
+from tests.pictures import marks
 from tests.quoted import refused
 
 FLOAT = load_vehicle("example-float")
@@ -88,12 +90,14 @@ def test_its_figures_are_of_law_seconds_and_supervisor_as_flashed(fast):
     assert told.region == trial(FLOAT, own, told.step, Drawn(20, AROUND, told.supply))
     assert ALONE in told.assumptions
     assert "supervisor" not in told.vehicle.model_fields_set
-    drawn = [draw_tuning(found).axes[-1] for found in (fast, told)]
-    assert [axes.get_ylabel().partition("\n")[0] for axes in drawn] == [
+    drawn = [draw_tuning(found).panels[-1] for found in (fast, told)]
+    assert [panel.y.partition("\n")[0] for panel in drawn] == [
         "pump (+) or valve (−)",
         "change asked for [cm³]",
     ]
-    assert np.abs(drawn[0].dataLim.get_points()[:, 1]).max() == 1.0  # s, of a sample of 1 s
+    assert (
+        max(np.abs(mark.y).max() for mark in marks(drawn[0], Curve)) == 1.0
+    )  # s, of a sample of 1 s
 
 
 def test_a_board_knows_the_pump_of_a_full_battery():

@@ -44,9 +44,11 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.show.answers import contents, shown
+from swimbladder.show.picture import Curve
 from swimbladder.show.tune import draw_sensitivity, draw_tuning
 from swimbladder.sim.closed_loop import simulate_ensemble
 from tests.few_lines import few
+from tests.pictures import marks
 
 FEUP = load_vehicle("feup-em")
 NOISY = FEUP.model_copy(update={"sensors": FEUP.sensors.model_copy(update={"depth_noise": 2e-3})})
@@ -249,14 +251,14 @@ def test_a_positioner_is_tuned_too():
     # with a quantum of 5 mm its small steps cannot be proven, and that is said
     assert found.unmet
     assert "What limits it is" in found.verdict
-    assert [axes.get_ylabel() for axes in draw_tuning(found).axes][-1] == "volume asked for [cm³]"
+    assert [panel.y for panel in draw_tuning(found).panels][-1] == "volume asked for [cm³]"
 
 
 @pytest.mark.prove
 def test_the_sensitivity_that_is_drawn_is_that_of_the_margins():
     found = tune(NOISY, law="observer", depth_range=(0.0, 5.0), step=(1.5, 3.0), runs=20)
-    figure = draw_sensitivity(found)
-    peaks = [max(line.get_ydata().max() for line in axes.lines[:-1]) for axes in figure.axes]
+    panels = draw_sensitivity(found).panels
+    peaks = [max(mark.y.max() for mark in marks(panel, Curve)) for panel in panels]
     assert max(peaks) == pytest.approx(found.margins.peak_sensitivity, rel=2e-3)
 
 

@@ -7,7 +7,6 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from swimbladder.estimation.motion import Estimate, Prior, identify
 from swimbladder.estimation.motion.paper_method import paper_fits
@@ -16,6 +15,7 @@ from swimbladder.show import estimates as text
 from swimbladder.show.answers import write
 from swimbladder.show.html import answer_page
 from swimbladder.show.identification import IdentificationShown, residuals
+from swimbladder.show.picture import Picture
 from tests.estimation.motion.pool import campaign, pool_log
 from tests.pages import without_scripts
 from tests.quoted import numbers
@@ -64,7 +64,7 @@ class Page(HTMLParser):
 
 def page_of(identification, *, paper=None, files=("identify.json",)):
     shown = IdentificationShown(identification, paper=paper, seconds=1.23)
-    figures = {p.name: Figure() for p in shown.drawn()}
+    figures = {p.name: Picture((4.0, 3.0)) for p in shown.drawn()}
     html = answer_page(shown, list(shown.parts()), figures, files, "swimbladder identify a b")
     return Page(html), html
 

@@ -2,14 +2,15 @@
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
 
 from swimbladder.io.config import load_vehicle
 from swimbladder.show import paper
-from swimbladder.show.style import save
+from swimbladder.show.picture import Curve, Note
+from swimbladder.show.static import figure, save
 from swimbladder.sim import pool
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors
+from tests.pictures import curve, marks, texts
 
 OKABE_ITO = {
     "#000000",
@@ -65,31 +66,27 @@ NAMES = ("12", "13", "14", "psi", "16", "17")
 
 @pytest.mark.parametrize("name", NAMES)
 def test_axes_have_units_and_depth_grows_downwards(figures, name):
-    for axes in figures[name].axes:
+    for axes in figure(figures[name]).axes:
         label = axes.get_ylabel()
         assert label == "" or label.endswith("]")
         assert axes.yaxis_inverted() == ("depth" in label) or label == ""
-    assert all(
-        "[" in axes.get_xlabel()
-        for axes in figures[name].axes
-        if axes.get_subplotspec().is_last_row()
-    )
+    last = [p for p in figures[name].panels if p.row == figures[name].rows - 1]
+    assert all("[" in panel.x for panel in last)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_colours_are_told_apart_by_all(figures, name):
-    used = {to_hex(line.get_color()) for axes in figures[name].axes for line in axes.get_lines()}
+    used = {m.color.lower() for panel in figures[name].panels for m in marks(panel, Curve)}
     assert used
     assert used <= OKABE_ITO
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_is_called_measured(figures, name):
-    texts = []
-    for axes in figures[name].axes:
-        texts += [line.get_label() for line in axes.get_lines()] + [axes.get_ylabel()]
-        texts += [text.get_text() for text in axes.texts]
-    assert not any("measured" in text.lower() for text in texts)
+    said = []
+    for panel in figures[name].panels:
+        said += [m.label for m in marks(panel, Curve)] + [panel.y, *texts(panel)]
+    assert not any("measured" in text.lower() for text in said)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -101,42 +98,39 @@ def test_a_picture_as_text_is_the_same_each_time_and_has_no_date(drawings, name,
 
 
 def test_figure_12_is_one_record_with_its_steps_marked(figures, runs):
-    top, bottom = figures["12"].axes
+    top, bottom = figures["12"].panels
     run = runs[0]
     end = next(time for time, step, _ in run.phases if step == "") + 5.0
     shown = run.solution.time <= end
-    lines = {line.get_label(): line for line in top.get_lines()}
-    assert np.array_equal(lines["depth, simulated"].get_ydata(), run.solution.depth[shown])
-    assert np.array_equal(lines["depth sensor, simulated"].get_ydata(), run.seen_depth[shown])
-    assert bottom.get_lines()[0].get_ydata() == pytest.approx(run.solution.volume[shown] * 1e6)
-    assert [text.get_text() for text in top.texts] == ["(a)", "(b)", "(c)", "(d)"]
-    centres = [text.xy[0] for text in top.texts]
+    assert np.array_equal(curve(top, "depth, simulated")[:, 1], run.solution.depth[shown])
+    assert np.array_equal(curve(top, "depth sensor, simulated")[:, 1], run.seen_depth[shown])
+    assert curve(bottom, "")[:, 1] == pytest.approx(run.solution.volume[shown] * 1e6)
+    assert texts(top) == ["(a)", "(b)", "(c)", "(d)"]
+    centres = [note.x for note in marks(top, Note)]
     assert centres == sorted(centres)
 
 
 def test_figures_13_and_14_have_a_model_for_every_experiment(figures, runs):
     experiments = [e for run in runs for e in run.experiments]
     for name in ("13", "14"):
-        rising, sinking = figures[name].axes
+        rising, sinking = figures[name].panels
         for axes, step in ((rising, "b"), (sinking, "d")):
             chosen = [e for e in experiments if e.step == step]
-            lines = axes.get_lines()
-            models = [line for line in lines if line.get_linestyle() == "-"]
-            marks = [line for line in lines if line.get_linestyle() == "None"]
-            assert len(models) == len(marks) == len(chosen)
-            for e, mark in zip(chosen, marks, strict=True):
-                assert np.array_equal(mark.get_xdata(), e.record.time)
+            models = [m for m in marks(axes, Curve) if m.dash == "-"]
+            seen = [m for m in marks(axes, Curve) if m.dash == ""]
+            assert len(models) == len(seen) == len(chosen)
+            for e, mark in zip(chosen, seen, strict=True):
+                assert np.array_equal(mark.x, e.record.time)
                 if name == "14":
-                    assert np.array_equal(mark.get_ydata(), e.record.depth)
-            assert [line.get_label() for line in models] == [
+                    assert np.array_equal(mark.y, e.record.depth)
+            assert [m.label for m in models] == [
                 f"{e.dV * 1e6:+.3g} cm³".replace("-", "\u2212") for e in chosen
             ]
 
 
 def test_figure_17_zooms_in_on_the_target(figures):
-    whole, near = figures["17"].axes
-    assert whole.get_title(loc="left") == "(a)"
-    assert near.get_title(loc="left") == "(b)"
-    low, high = sorted(near.get_ylim())
+    _, near = figures["17"].panels
+    assert [figures["17"].letter(panel) for panel in figures["17"].panels] == ["(a)", "(b)"]
+    low, high = near.ylim
     assert low < 3.5 < high
     assert high - low < 0.5

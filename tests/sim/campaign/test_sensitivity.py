@@ -13,6 +13,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.show.campaign import draw_sensitivity
+from swimbladder.show.static import figure
 from swimbladder.sim.campaign.draw import Design, Drawn, indices
 from swimbladder.sim.campaign.result import Sensitivity
 from swimbladder.sim.campaign.run import Fact, Floats
@@ -201,7 +202,7 @@ def test_outputs_that_some_flights_lack_have_no_indices_and_say_so(parked):
     assert found["time to depth"].indices == ()
     assert found["failed flights"].indices
     assert found["failed flights"].mean == pytest.approx(1.0 / 9.0, abs=0.05)
-    draw_sensitivity(some)
+    figure(draw_sensitivity(some))
 
 
 def test_the_command(tmp_path, monkeypatch, capsys):
