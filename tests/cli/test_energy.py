@@ -40,7 +40,7 @@ def test_words_for_people(capsys, tmp_path):
         == 0
     )
     said = capsys.readouterr().out
-    assert "Pressing out at 50 m takes" in said
+    assert "Increasing the volume at 50 m takes" in said
     assert "It stalls at 155.8 m" in said
     assert "Holding the volume there takes" in said
     assert "assumed: the water" in said
@@ -55,7 +55,7 @@ def test_a_depth_beyond_the_rating_is_said_first_and_percent_has_its_blank(capsy
     assert main(["energy", "example-float", *out]) == 0
     said = capsys.readouterr().out
     assert "rated" not in said
-    assert " % of which reach the water" in said
+    assert ", an efficiency of 31 %." in said
     assert "35 % of an ideal disc's" in said
 
 

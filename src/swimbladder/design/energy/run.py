@@ -504,24 +504,24 @@ _DAY, _HOUR, _MINUTE = 86400.0, 3600.0, 60.0
 
 
 def drive_sentences(found: DriveEnergy) -> Iterator[str]:
-    """Yield what pressing out costs at the deepest depth, and where the drive stalls."""
+    """Yield what volume costs at the deepest depth, and where the drive stalls."""
     z, m, rating = found.column.deepest, found.map, found.vehicle.hull.depth_limit
     if rating is not None and z > rating * (1.0 + 1e-9):
         yield f"{z:g} m is deeper than the vehicle is rated for, {rating:g} m."
     if m.rate_out[-1] > 0.0:
         rate = f"{m.rate_out[-1] * 1e6:.3g} mL/s with {m.power_out[-1]:.3g} W"
-        takes = f"Pressing out at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL"
-        yield f"{takes}: {rate}, {100.0 * found.efficiency[-1]:.0f} % of which reach the water."
+        takes = f"Increasing the volume at {z:g} m takes {found.per_volume[-1] * 1e-6:.3g} J/mL"
+        yield f"{takes}: {rate}, an efficiency of {100.0 * found.efficiency[-1]:.0f} %."
     else:
-        yield f"Nothing is pressed out at {z:g} m: the drive has stalled."
+        yield f"At {z:g} m the drive stalls."
     if math.isinf(found.stall):
-        yield "It presses against the pressure of any sea."
+        yield "It stalls at no depth of the sea."
     else:
         yield f"It stalls at {rounded(found.stall_depth)} m ({rounded(found.stall / 1e5)} bar)."
     if m.holding_power[-1] > 0.0:
         yield f"Holding the volume there takes {m.holding_power[-1]:.3g} W all the time."
     if m.start_volume[-1] > 0.0:
-        yield f"Each start of the pump there falls short by {m.start_volume[-1] * 1e6:.3g} mL."
+        yield f"Each start of the pump there loses {m.start_volume[-1] * 1e6:.3g} mL."
 
 
 def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> Iterator[str]:

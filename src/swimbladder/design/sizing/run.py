@@ -347,7 +347,7 @@ def _sentences(found: Sizing) -> list[str]:
         f"{c.kind}, {parts}.",
         f"Stroke {asked.stroke * 1e6:.0f} cm3 ({shares} cm3), neutral at the surface "
         f"{-asked.lowest * 1e6:.0f} cm3 above the inner stop.",
-        f"At {depth} ({asked.bottom_pressure / 1e5:.0f} bar) it presses out "
+        f"At {depth} ({asked.bottom_pressure / 1e5:.0f} bar) it moves "
         f"{w.rate[b] * 1e6 * 60.0:.1f} mL/min with {w.voltage[b]:.1f} V and {w.current[b]:.2f} A, "
         f"{w.energy_per_volume[b] * 1e-6:.1f} J/mL; at the voltage of a low battery it turns from "
         f"sinking to rising in {w.turn_time[b] / 60.0:.1f} min and {_stall(w.stall[b])}.",
@@ -372,7 +372,7 @@ def _stall(depth: float) -> str:
 
 
 def _battery(found: Sizing) -> str:
-    """Return what of the battery does not move or measure anything, in a sentence."""
+    """Return what becomes of the battery's energy, in a sentence."""
     spent, asked = _spent(found, found.best), found.asked
     years = asked.dive.cycles * asked.dive.cycle_time / _YEAR
     lasting = f"{years:.1f} years" if years >= 1.0 else f"{12.0 * years:.1f} months"
@@ -381,12 +381,12 @@ def _battery(found: Sizing) -> str:
         return f"{100.0 * sum(spent[name] for name in names) / spent['carried']:.1f} %"
 
     return (
-        f"Of the battery {share('drawn')} is drawn "
-        f"({share('driver_loss', 'driver_standby')} by the driver), {share('cold')} is not to be "
-        f"had in water of {asked.coldest:.3g} degC, {share('self_discharged')} is lost by itself "
-        f"in {lasting}, {share('reserve')} is not flown with (the reserve, "
-        f"{100.0 * asked.dive.battery_reserve:g} % of what can be had in that water), and "
-        f"{share('unusable')} cannot be taken out at all."
+        f"Of the battery's energy {share('drawn')} is used "
+        f"({share('driver_loss', 'driver_standby')} by the driver), {share('cold')} is not "
+        f"available in water of {asked.coldest:.3g} degC, {share('self_discharged')} is "
+        f"self-discharge in {lasting}, {share('reserve')} is the reserve "
+        f"({100.0 * asked.dive.battery_reserve:g} % of what is available in that water), and "
+        f"{share('unusable')} is unusable."
     )
 
 

@@ -332,14 +332,13 @@ class Around(NamedTuple):
             f"largest eigenvalue found has the modulus {self.radius:.5f} "
             f"({self.worst_point.words}), with {1e3 * self.delay:.3g} ms from a sample to its "
             "command.",
-            f"Looked at: {self.looked} loops of the region, then {self.searched} in a search for "
-            f"the worst; {deep} at all depths. It is the worst that was found, not a proof over "
-            "the region.",
+            f"Evaluated: {self.looked} loops of the region, then {self.searched} in a search for "
+            f"the worst; {deep} at all depths. The search is no proof over the region.",
             f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({at.words}); the "
             f"least damped oscillates every {_period(damped)} with a damping of "
             f"{damped.damping:.2f} ({where.words}).",
             f"Worst margins: {margins.margin_words(m)}"
-            + (f"; less than is wanted: {', '.join(short)}." if short else ", as is wanted."),
+            + (f"; below the requirement: {', '.join(short)}." if short else ", as required."),
             f"With a whole sample of delay the nominal loop's largest eigenvalue is "
             f"{modulus(self.whole_sample_radius)}: "
             + ("unstable." if self.whole_sample_radius >= 1.0 else "still stable."),
