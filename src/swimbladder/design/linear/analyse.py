@@ -131,7 +131,7 @@ def _depths(a: Analysis) -> Iterator[str]:
                 yield f"Below {s.holding_depth:.1f} m the pump leaks more than it moves."
             if s.extending_rate > 0.0:
                 rate = f"{s.extending_rate * 1e6:.3g} cm3/s"
-                yield f"At {a.depth:g} m the motor still moves out {rate}."
+                yield f"At {a.depth:g} m the motor can increase the volume by {rate}."
     n = a.neutral
     if math.isfinite(n.leaves_stroke) and n.leaves_stroke > 0.0:
         text = f"The neutral volume leaves the stroke at {n.leaves_stroke:.1f} m"
@@ -174,15 +174,15 @@ def _closed_loop_words(a: Analysis) -> Iterator[str]:
     if c.depth_load is not None:
         load = c.depth_load
         text = (
-            "The inner loop does not fully reject the depth load: what is left is positive "
-            f"feedback, like an extra psi of {load.extra_psi:.3g} m3/m"
+            "The inner loop does not fully reject the depth load, which acts like an extra psi of "
+            f"{load.extra_psi:.3g} m3/m"
         )
         if math.isfinite(load.share_of_psi):
             text += f" ({abs(load.share_of_psi) * 100.0:.2g} % of {_size_of_psi(a)})"
         yield text + "."
-        continuous = "a view in continuous time is close"
+        continuous = "continuous time is a close approximation"
         if c.inner_gain_per_sample > 0.2:
-            continuous = "it must be judged in discrete time"
+            continuous = "analyse it in discrete time"
         yield (
             f"The gain of the inner loop times the sample time is {c.inner_gain_per_sample:.3f}: "
             f"{continuous}."
@@ -201,16 +201,16 @@ def _size_of_psi(a: Analysis) -> str:
 
 
 def _margin_words(m: Margins, place: str) -> str:
-    up = f"grow {m.gain_up:.3g} times" if math.isfinite(m.gain_up) else "grow without limit"
-    down = f"fall to {m.gain_down:.2g} of itself" if m.gain_down > 0.0 else "fall to nothing"
+    up = f"{20.0 * math.log10(m.gain_up):+.1f} dB" if math.isfinite(m.gain_up) else "any increase"
+    down = f"{20.0 * math.log10(m.gain_down):+.1f} dB" if m.gain_down > 0.0 else "any decrease"
     phase = (
-        f"the phase margin is {math.degrees(m.phase):.1f} degrees at {m.phase_frequency:.3g} rad/s"
+        f"phase {math.degrees(m.phase):.1f} degrees at {m.phase_frequency:.3g} rad/s"
         if math.isfinite(m.phase)
-        else "there is no gain crossover, so no phase margin is needed"
+        else "no gain crossover"
     )
     return (
-        f"Broken at the {place}, the gain may {up} or {down}; {phase}; the peak sensitivity is "
-        f"{m.peak_sensitivity:.2f}, and gain and phase may at once be off by a factor of "
+        f"Margins at the {place}: gain {up} or {down}, {phase}, peak sensitivity "
+        f"{m.peak_sensitivity:.2f}; gain and phase together (disk margin): a factor of "
         f"{m.disk_gain:.2f} and {math.degrees(m.disk_phase):.0f} degrees."
     )
 
@@ -220,11 +220,11 @@ def _delays(c: ClosedLoop) -> str:
     if math.isinf(c.computation_delay):
         text = "No computation delay makes the loop unstable"
     else:
-        text = f"The loop survives {c.computation_delay:.3f} s of computation delay"
+        text = f"The loop tolerates {c.computation_delay:.3f} s of computation delay"
     age = "any age" if math.isinf(c.depth_delay) else f"an age of {c.depth_delay:.3g} s"
     return (
         f"{text}; with one whole sample of it, it is {whole}. "
-        f"It survives {age} of the measured depth."
+        f"It tolerates {age} of the measured depth."
     )
 
 
