@@ -10,12 +10,17 @@ import subprocess
 import numpy as np
 import pytest
 
+import swimbladder as sb
+from swimbladder.design.pool_day import paper_tasks
+from swimbladder.design.pool_day.day import asked_of, rules_of
+from swimbladder.design.pool_day.verdict import Asked
 from swimbladder.show.html import answer_page
 from swimbladder.show.interactive import as_plotly
 from swimbladder.show.parts import Drawn, Shown
 from swimbladder.show.picture import Ink, Picture, grid_of, stacked
 from swimbladder.show.static import figure
 from tests.pages import figures_of
+from tests.vehicles import limited
 
 
 def drawn(count=1, **given):
@@ -171,6 +176,18 @@ def chromium():
     return found
 
 
+def in_browser(chromium, html, folder):
+    """The body of a page as a browser without a network has it once its scripts have run."""
+    (folder / "page.html").write_text(html, encoding="utf-8")
+    quiet = "--disable-background-networking --disable-component-update --disable-sync"
+    quiet += " --no-first-run --disable-gpu --disable-quic --proxy-server=127.0.0.1:9"
+    command = [chromium, "--headless", "--no-sandbox", *quiet.split()]
+    command += [f"--user-data-dir={folder / 'profile'}", "--virtual-time-budget=10000"]
+    command += ["--dump-dom", (folder / "page.html").as_uri()]
+    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    return ran.stdout[ran.stdout.index("<body") :]
+
+
 def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_path):
     picture, (top, low) = stacked((6.0, 4.0), 1.0, 1.0)
     top.line([0.0, 1.0, 2.0], [1.0, 3.0, 2.0], label="depth")
@@ -196,19 +213,29 @@ def test_a_browser_draws_every_figure_of_a_page_without_a_network(chromium, tmp_
     html = answer_page(shown, shown.parts(), pictures)
     assert set(figures_of(html)) == {"one", "two"}
     assert len(html) < 3_000_000
-    (tmp_path / "page.html").write_text(html, encoding="utf-8")
-    quiet = "--disable-background-networking --disable-component-update --disable-sync"
-    quiet += " --no-first-run --disable-gpu --disable-quic --proxy-server=127.0.0.1:9"
-    command = [chromium, "--headless", "--no-sandbox", *quiet.split()]
-    command += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=10000"]
-    command += ["--dump-dom", (tmp_path / "page.html").as_uri()]
-    ran = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    shown = ran.stdout[ran.stdout.index("<body") :]
-    assert len(re.findall(r'class="plot js-plotly-plot"', shown)) == 2
-    assert 'class="trace bars"' in shown
-    assert "depth [m]" in shown
-    assert "It &lt;settles&gt;." in shown
-    assert re.search(r'class="legendtext"[^>]*>depth<', shown)
+    body = in_browser(chromium, html, tmp_path)
+    assert len(re.findall(r'class="plot js-plotly-plot"', body)) == 2
+    assert 'class="trace bars"' in body
+    assert "depth [m]" in body
+    assert "It &lt;settles&gt;." in body
+    assert re.search(r'class="legendtext"[^>]*>depth<', body)
+
+
+@pytest.mark.prove
+@pytest.mark.parametrize("name", ["vehicle", "firmware", "pool"])
+def test_a_browser_draws_the_page(chromium, name, tmp_path):
+    v = limited(sb.load_vehicle("feup-em"))
+    day = {"rules": rules_of(v, bottom_depth=4.5), "tasks": paper_tasks(v, bottom_depth=4.5)}
+    answer = {
+        "vehicle": lambda: v,
+        "firmware": lambda: sb.firmware(v, duration=30.0),
+        "pool": lambda: sb.PoolDay(v, tmp_path, **day, asked=asked_of(v, Asked()), mode="followed"),
+    }[name]()
+    html = answer.report(tmp_path / "report.html").read_text("utf-8")
+    body = in_browser(chromium, html, tmp_path)
+    figures = figures_of(html)
+    assert len(re.findall(r'class="plot js-plotly-plot"', body)) == len(figures) > 0
+    assert body.count('class="ytitle"') >= len(figures)
 
 
 def test_an_axis_of_counts_has_no_ticks_between_them():
