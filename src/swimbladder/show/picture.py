@@ -36,7 +36,7 @@ class Curve(NamedTuple):
 
     x: Array
     y: Array
-    color: str
+    color: str = Ink.BLUE
     label: str = ""
     dash: str = "-"
     width: float = 1.5
@@ -54,7 +54,7 @@ class Area(NamedTuple):
 
     x: Array
     y: Array
-    color: str
+    color: str = Ink.BLUE
     label: str = ""
     alpha: float = 0.25
     layer: float = 1.0
@@ -65,7 +65,7 @@ class Rule(NamedTuple):
 
     axis: Axis
     at: float
-    color: str
+    color: str = Ink.GREY
     label: str = ""
     dash: str = "-"
     width: float = 0.8
@@ -77,7 +77,7 @@ class Span(NamedTuple):
     axis: Axis
     low: float
     high: float
-    color: str
+    color: str = Ink.BLUE
     label: str = ""
     alpha: float = 0.25
 
@@ -87,7 +87,7 @@ class Bars(NamedTuple):
 
     at: Array
     length: Array
-    color: str | Sequence[str]
+    color: str | Sequence[str] = Ink.BLUE
     label: str = ""
     base: Some = 0.0
     thick: float = 0.8
@@ -153,81 +153,58 @@ class Panel:
         """Whether y grows downwards."""
         return self.deep or self.y.startswith(("depth", "pressure"))
 
-    def line(self, x: Some, y: Some, color: str = Ink.BLUE, label: str = "", **how: Any) -> None:
-        """Draw a line; how: fields of `Curve`."""
-        self.marks.append(Curve(_flat(x), _flat(y), color, label, **how))
+    def line(self, x: Some, y: Some, *style: Any, **how: Any) -> None:
+        """Draw a line; style: color and label, as of all that follow; how: fields of `Curve`."""
+        self.marks.append(Curve(_flat(x), _flat(y), *style, **how))
 
-    def dots(
-        self,
-        x: Some,
-        y: Some,
-        marker: str = "o",
-        color: str = Ink.BLUE,
-        label: str = "",
-        **how: Any,
-    ) -> None:
+    def dots(self, x: Some, y: Some, marker: str = "o", *style: Any, **how: Any) -> None:
         """Draw points."""
-        self.line(x, y, color, label, **{"dash": "", "marker": marker, **how})
+        self.line(x, y, *style, **{"dash": "", "marker": marker, **how})
 
-    def steps(self, x: Some, y: Some, color: str = Ink.BLUE, label: str = "", **how: Any) -> None:
+    def steps(self, x: Some, y: Some, *style: Any, **how: Any) -> None:
         """Draw values that hold until the next."""
-        self.line(x, y, color, label, step=True, **how)
+        self.line(x, y, *style, step=True, **how)
 
     def setpoint(self, time: Some, reference: Some) -> None:
         """Draw what is asked for."""
         self.steps(time, reference, Ink.GREY, "set-point", dash="--", width=1.1)
 
-    def band(self, x: Some, low: Some, high: Some, color: str, label: str = "", **how: Any) -> None:
+    def band(self, x: Some, low: Some, high: Some, *style: Any, **how: Any) -> None:
         """Shade between two curves; how: fields of `Area`, and flat, where they are of y."""
         along, low, high = (np.broadcast_to(_flat(v), np.shape(_flat(x))) for v in (x, low, high))
         ends = np.concatenate([low, high[::-1]]), np.concatenate([along, along[::-1]])
         ends = ends if how.pop("flat", False) else ends[::-1]
-        self.marks.append(Area(*ends, color, label, **how))
+        self.marks.append(Area(*ends, *style, **how))
 
-    def area(self, x: Some, y: Some, color: str, label: str = "", **how: Any) -> None:
+    def area(self, x: Some, y: Some, *style: Any, **how: Any) -> None:
         """Fill polygons."""
-        self.marks.append(Area(_flat(x), _flat(y), color, label, **how))
+        self.marks.append(Area(_flat(x), _flat(y), *style, **how))
 
-    def between(
-        self, at: Some, low: Some, high: Some, color: str = Ink.BLUE, label: str = "", **how: Any
-    ) -> None:
+    def between(self, at: Some, low: Some, high: Some, *style: Any, **how: Any) -> None:
         """Draw a stroke from low to high at each value; how: fields of `Curve`, and flat."""
         at, low, high = np.broadcast_arrays(*map(_flat, (at, low, high)))
         gap = np.full(len(at), np.nan)
         along, across = (np.transpose(v).ravel() for v in ((at, at, gap), (low, high, gap)))
         ends = (across, along) if how.pop("flat", False) else (along, across)
-        self.line(*ends, color, label, **how)
+        self.marks.append(Curve(*ends, *style, **how))
 
-    def rule(
-        self, axis: Axis, at: float, color: str = Ink.GREY, label: str = "", **how: Any
-    ) -> None:
+    def rule(self, axis: Axis, at: float, *style: Any, **how: Any) -> None:
         """Draw a line across the panel at a value of an axis."""
-        self.marks.append(Rule(axis, float(at), color, label, **how))
+        self.marks.append(Rule(axis, float(at), *style, **how))
 
-    def span(
-        self, axis: Axis, low: float, high: float, color: str, label: str = "", **how: Any
-    ) -> None:
+    def span(self, axis: Axis, low: float, high: float, *style: Any, **how: Any) -> None:
         """Shade across the panel between two values of an axis."""
-        self.marks.append(Span(axis, float(low), float(high), color, label, **how))
+        self.marks.append(Span(axis, float(low), float(high), *style, **how))
 
-    def bars(
-        self,
-        at: Some,
-        length: Some,
-        color: str | Sequence[str] = Ink.BLUE,
-        label: str = "",
-        **how: Any,
-    ) -> None:
-        """Draw bars."""
-        self.marks.append(Bars(_flat(at), _flat(length), color, label, **how))
+    def bars(self, at: Some, length: Some, *style: Any, **how: Any) -> None:
+        """Draw bars; a color for all, or one for each."""
+        self.marks.append(Bars(_flat(at), _flat(length), *style, **how))
 
-    def histogram(
-        self, values: Some, bins: Any, color: str, label: str = "", *, scale: float = 1.0
-    ) -> None:
+    def histogram(self, values: Some, bins: Any, *style: Any, scale: float = 1.0) -> None:
         """Draw how values are distributed; scale: of the counts."""
         counts, edges = np.histogram(values, bins)
         middle, thick = 0.5 * (edges[1:] + edges[:-1]), float(edges[1] - edges[0])
-        self.bars(middle, scale * counts, color, label, thick=thick)
+        self.bars(middle, scale * counts, *style, thick=thick)
 
     def text(self, x: float, y: float, text: str, **how: Any) -> None:
         """Write a text; how: fields of `Note`."""
