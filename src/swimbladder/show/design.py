@@ -143,7 +143,7 @@ def instruction(design: Design, k: int) -> str:
     release, flight = w.releases[k], w.flights[k]
     said = [f"Come to rest at {release.start:g} m."]
     for move in release.moves:
-        to = f"volume to {volume(move.volume, area)} against the one at rest."
+        to = f"volume to {volume(move.volume, area)} relative to that at rest."
         if move.depth is not None:
             where = f"When it passes {move.depth:g} m on its way {move.going}"
         said.append(to.capitalize() if move.depth is None else f"{where}: {to}")
@@ -241,9 +241,9 @@ _MARKED = ("no", "warning", "note")
 
 def _experiments(found: Design) -> Table:
     after = [f"{name} after" for name in found.chosen.prediction.names]
-    change = "volume against the one at rest"
+    change = "volume relative to rest"
     numbered = [(str(k), *row) for k, row in enumerate(rows(found), start=1)]
-    return Table(("", "rest at", change, "takes", *after), numbered, left=(change,))
+    return Table(("", "rest depth", change, "duration", *after), numbered, left=(change,))
 
 
 def _parameters(found: Design) -> Table:
