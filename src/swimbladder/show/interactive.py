@@ -151,7 +151,7 @@ def _axes(picture: Picture, panel: Panel, own: str, boxes: Any) -> dict[str, Any
             axis["matches"] = f"{name}{numbers[id(first)]}"
         if panel.over:
             axis |= {"overlaying": f"{name}{numbers[id(panel.x_of)]}", "showgrid": False}
-            axis["visible"] = name == "y"
+            axis |= {"visible": name == "y", "tickmode": "auto"}
         found[f"{name}axis{own}"] = axis
     if panel.equal:
         found[f"yaxis{own}"] |= {"scaleanchor": f"x{own}", "constrain": "domain"}

@@ -139,7 +139,7 @@ def _spent(panel: Panel, found: Sizing) -> None:
     colors = [Ink.BLUE] * 3 + [Ink.ORANGE] * 4  # drawn, and not to be had
     panel.bars(range(len(bars)), energy, colors, thick=0.7, flat=True)
     panel.yticks, panel.deep, panel.grid = dict(enumerate(bars)), True, "x"
-    panel.x = "of the chosen battery [Wh] (orange: not drawn)"
+    panel.x = "energy of the battery [Wh]\n(orange: not drawn)"
 
 
 def _requirement(picture: Picture, panel: Panel, sweep: Sweep, asked: float) -> None:
