@@ -153,8 +153,8 @@ ELSEWHERE = {
     ),
     # the bottom of a mission: Mission.over; a file with a spread
     *("bottom_depth", "spread"),
-    # a list that is printed; a step of simulate, whose function takes set-points
-    *("list_scenarios", "step", "seed"),
+    # a list that is printed
+    *("list_scenarios", "seed"),
 }
 
 

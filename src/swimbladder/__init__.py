@@ -5,7 +5,7 @@ From datasheet to model, from pool log to parameters, from parameters to a depth
     import swimbladder as sb
 
     vehicle = sb.load_vehicle("feup-em")              # a preset, or a TOML file
-    solution = sb.simulate(vehicle, setpoints=[(0.0, 3.0)], duration=400.0, start_depth=1.5)
+    solution = sb.simulate(vehicle, step=(1.5, 3.0))
     print(sb.step_metrics(solution.time, solution.depth, start=1.5, target=3.0))
     dataset = solution.dataset()                      # an xarray Dataset
 

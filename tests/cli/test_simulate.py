@@ -62,6 +62,13 @@ def vehicle_file(folder, old="", new="", *, text=None):
     return str(path)
 
 
+@pytest.mark.parametrize("name", ["feup-em", "example-float"])
+def test_what_nothing_is_asked_for_is_the_same_in_python(name, capsys, tmp_path):
+    theirs = answer(capsys, name, "--out", str(tmp_path))
+    ours = json.loads(json.dumps(swimbladder.simulate(name).to_dict()))
+    assert {key: theirs[key] for key in ours} == ours
+
+
 def test_a_float_dives_and_comes_up_again(capsys, tmp_path):
     a = answer(capsys, "example-float", "--plot", "--netcdf", "--out", str(tmp_path))
     assert [step["target_depth_m"] for step in a["steps"]] == [500.0, 0.0]

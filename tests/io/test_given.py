@@ -56,6 +56,8 @@ def test_a_text_is_the_number_in_the_unit_of_the_docstring():
 def test_both_of_a_pair_may_be_texts():
     how = {"maps": False, "within": 60.0, "runs": 20}
     by_text = sb.stability(VEHICLE, depth_range=("50 cm", 5), **how)
+    as_typed = sb.stability(VEHICLE, depth_range="50:500 cm", **how)
+    assert as_typed.to_dict() == by_text.to_dict()
     assert by_text.to_dict() == sb.stability(VEHICLE, depth_range=(0.5, 5.0), **how).to_dict()
 
 

@@ -10,6 +10,6 @@ it began: the hull is compressed.
 import swimbladder as sb
 
 vehicle = sb.load_vehicle("feup-em")
-step = sb.simulate(vehicle, setpoints=[(0.0, 3.0)], duration="400 s", start_depth="1.5 m")
+step = sb.simulate(vehicle, step=("1.5 m", "3 m"))
 print(sb.step_metrics(step.time, step.depth, start=1.5, target=3.0))
 step.plot()

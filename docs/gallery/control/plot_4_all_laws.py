@@ -23,7 +23,7 @@ for name, gains in laws.items():
     tuned = vehicle.replace(
         {"controller": {"law": name, "sample_time": "0.3 s", "parameters": gains}}
     )
-    step = sb.simulate(tuned, setpoints=[(0.0, 3.0)], duration="120 s", start_depth="1.5 m", seed=1)
+    step = sb.simulate(tuned, step=("1.5 m", "3 m"), duration="120 s", seed=1)
     moved = 1e6 * np.cumsum(np.abs(np.diff(step.volume, prepend=step.volume[0])))
     depths.plot(step.time, step.depth, label=name)
     volumes.semilogy(step.time[1:], moved[1:])

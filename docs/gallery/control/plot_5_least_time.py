@@ -11,7 +11,7 @@ import swimbladder as sb
 best = sb.plan("feup-em", ("1.5 m", "3 m"))
 print(best)
 
-step = sb.simulate("feup-em", setpoints=[(0.0, 3.0)], duration="36 s", start_depth="1.5 m")
+step = sb.simulate("feup-em", step=("1.5 m", "3 m"), duration="36 s")
 figure = best.plot()
 figure.axes[0].plot(step.time, step.depth, "k--", label="the paper's controller")
 figure.axes[0].legend()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import math
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -36,18 +35,13 @@ if TYPE_CHECKING:
     from swimbladder.sim.closed_loop.water import Medium
     from swimbladder.vehicle import Vehicle
 
-_START, _TARGET, _DURATION = 1.5, 3.0, 400.0
-_DIVE, _WAY = 500.0, 250.0  # m, and m in an hour, of a float with pump and valve
-
 
 @dataclass(frozen=True)
 class Step(Options):
     """A step of depth, in place of a mission's file."""
 
-    step: Given = valued(
-        "FROM:TO", f"Step from rest ({_START}:{_TARGET:g} m; a float: 0:{_DIVE:g} m and up again)."
-    )
-    duration: Given = valued("TIME", f"Duration ({_DURATION:g} s; a float: as needed).")
+    step: Given = valued("FROM:TO", "Step from rest (1.5:3 m; a float: 0:500 m and up again).")
+    duration: Given = valued("TIME", "Duration (400 s; a float: as needed).")
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
 
 
@@ -132,33 +126,15 @@ def _shown(
 
 
 def _mission(vehicle: Vehicle, path: Path | None, step: Step) -> Mission:
-    """Return the mission of a file, or one step from the options.
-
-    Of a float with pump and valve: a dive from the surface, and back where no target is given.
-    """
+    """Return the mission of a file, or one step from the options."""
     from swimbladder.io.config import load_mission
-    from swimbladder.io.mission import Mission, Setpoint
+    from swimbladder.io.mission import step_mission
 
     if path is not None:
         remedy = f"Leave the option out, or the file {path}"
         step.refuse("the mission file says this already", remedy)
         return load_mission(path)
-    given, target = step.given(), None
-    if (asked := given.pop("step", None)) is not None:
-        given["start_depth"], target = asked
-    if vehicle.command != "volume change":
-        given = {"start_depth": _START, "duration": _DURATION, **given}
-        point = Setpoint(time=0.0, depth=_TARGET if target is None else target)
-        return Mission(name="step", setpoints=(point,), **given)
-    deepest = min(vehicle.hull.depth_limit or math.inf, given.get("bottom_depth", math.inf))
-    depth = min(_DIVE, 0.5 * deepest) if target is None else target
-    way = abs(depth - given.setdefault("start_depth", 0.0))
-    span = 3600.0 * (2.0 if target is None else 1.0) * math.ceil(way / _WAY + 1.0)
-    span = given.setdefault("duration", span)
-    points = [Setpoint(time=0.0, depth=depth)]
-    if target is None:
-        points.append(Setpoint(time=0.5 * span, depth=0.0))
-    return Mission(name="dive" if len(points) > 1 else "step", setpoints=tuple(points), **given)
+    return step_mission(vehicle, **step.given())
 
 
 def _notes(s: Solution, column: Column | None, medium: Medium | None) -> list[Labelled]:
@@ -198,10 +174,7 @@ def _run(vehicle: Vehicle, task: Mission, how: How, column: Column | None) -> So
     with working("simulating") as advance, blas:
         return simulate_closed_loop(
             vehicle,
-            setpoints=task.pairs,
-            duration=task.span,
-            start_depth=task.start_depth,
-            bottom_depth=task.bottom,
+            task,
             seed=how.seed,
             column=column,
             supervised=how.supervised,

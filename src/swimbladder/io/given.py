@@ -16,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from swimbladder.errors import InputError
 from swimbladder.io.log_text import is_frame
-from swimbladder.units import parse_quantity, unit_factor
+from swimbladder.units import parse_quantity, unit_factor, with_one_unit
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -123,10 +123,11 @@ def _pair(first: _Taker, second: _Taker) -> _Taker:
     def take(value: Any, name: str) -> Any:
         if value is None:
             return value
-        if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 2:
-            what, remedy = "not two numbers", "Give both in parentheses, like (0.0, 10.0)"
+        two = with_one_unit(value.split(":")) if isinstance(value, str) else value
+        if not hasattr(two, "__len__") or len(two) != 2:
+            what, remedy = "not two numbers", 'Give both, like (0.0, 10.0) or "0:10 m"'
             raise InputError(what, field=name, value=value, remedy=remedy)
-        return first(value[0], name), second(value[1], name)
+        return first(two[0], name), second(two[1], name)
 
     return take
 

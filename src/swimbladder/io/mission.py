@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -13,8 +13,13 @@ from swimbladder.physics.seawater import WaterMotion
 from swimbladder.vehicle import LawNumbers, Parameters, Unit
 from swimbladder.vehicle.schema import refusal
 
+if TYPE_CHECKING:
+    from swimbladder.vehicle import Vehicle
+
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
 _DEEPEST = 11_000.0  # m; Challenger Deep: 10,935 m
+_START, _TARGET, _DURATION = 1.5, 3.0, 400.0  # m, m and s of a step
+_DIVE, _WAY = 500.0, 250.0  # m, and m in an hour, of a float with pump and valve
 _SHOWN = 6  # phases or set-points in the words for a mission
 
 
@@ -324,3 +329,34 @@ class Mission(Parameters):
             what = f"the set-point at {times[-1]:g} s is not before the end at {self.span:g} s"
             remedy = "Lengthen the duration or leave the set-point out"
             raise refusal(what, remedy, "setpoints", len(times) - 1, "time")
+
+
+def step_mission(
+    vehicle: Vehicle,
+    step: tuple[float, float] | None = None,
+    *,
+    duration: float | None = None,
+    start_depth: float | None = None,
+    bottom_depth: float | None = None,
+) -> Mission:
+    """Return one step (from, to) [m] as a mission; what is not given, as suits the vehicle.
+
+    Of a float with pump and valve: a dive from the surface, and back where no step is given.
+    """
+    given = {"start_depth": start_depth, "duration": duration, "bottom_depth": bottom_depth}
+    asked: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
+    if step is not None:
+        asked["start_depth"] = step[0]
+    if vehicle.command != "volume change":
+        asked = {"start_depth": _START, "duration": _DURATION, **asked}
+        point = Setpoint(time=0.0, depth=_TARGET if step is None else step[1])
+        return Mission(name="step", setpoints=(point,), **asked)
+    deepest = min(vehicle.hull.depth_limit or math.inf, asked.get("bottom_depth", math.inf))
+    depth = min(_DIVE, 0.5 * deepest) if step is None else step[1]
+    way = abs(depth - asked.setdefault("start_depth", 0.0))
+    span = 3600.0 * (2.0 if step is None else 1.0) * math.ceil(way / _WAY + 1.0)
+    points = [Setpoint(time=0.0, depth=depth)]
+    if step is None:
+        points.append(Setpoint(time=0.5 * asked.setdefault("duration", span), depth=0.0))
+    asked.setdefault("duration", span)
+    return Mission(name="dive" if step is None else "step", setpoints=tuple(points), **asked)

@@ -9,6 +9,7 @@ import pytest
 from swimbladder.control.cascade import CASCADE, CascadeParameters
 from swimbladder.control.position_pid import POSITION_PID
 from swimbladder.errors import InputError
+from swimbladder.io.mission import Mission
 from swimbladder.sim.closed_loop import drive, simulate
 from swimbladder.vehicle import Supply
 from tests.oracle import TABLE_3
@@ -73,6 +74,25 @@ def test_simulate(field: str, says: str, given: dict[str, Any]) -> None:
     error = refused(simulate, paper(), field, says, **RUN | given)
     if field in ("start_depth", "start_volume", "setpoints") and "finite" not in says:
         assert error.remedy or error.unit
+
+
+def test_what_is_asked_is_said_in_one_way() -> None:
+    vehicle = paper()
+    mission = Mission(setpoints=[{"time": 0.0, "depth": 3.0}], start_depth=1.5, duration=6.0)
+    by_setpoints = simulate(vehicle, **RUN)
+    for given in (dict(mission=mission), dict(step=(1.5, 3.0), duration=6.0)):
+        run = simulate(vehicle, **given)
+        np.testing.assert_array_equal(run.depth, by_setpoints.depth)
+    refused(simulate, vehicle, r"setpoints[0].depth", "bottom at 2 m", mission=mission.over(2.0))
+    for name, value in RUN.items():
+        refused(simulate, vehicle, name, "mission says this", **{"mission": mission, name: value})
+    refused(simulate, vehicle, "step", "set-points say this", **RUN, step=(1.5, 3.0))
+    refused(simulate, vehicle, "start_depth", "begins there", step=(1.5, 3.0), start_depth=1.0)
+    refused(simulate, vehicle, "step", "below the bottom", step=(5.0, 3.0), bottom_depth=4.0)
+    refused(simulate, vehicle, "step", "finite", step=(1.5, math.nan))
+    for name in ("duration", "start_depth"):
+        lacks = {key: value for key, value in RUN.items() if key != name}
+        refused(simulate, vehicle, name, "with set-points it is needed", **lacks)
 
 
 def test_the_message_tells_value_unit_and_remedy() -> None:

@@ -6,7 +6,8 @@ said.
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law, Measurement, leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError, check_number
+from swimbladder.io.mission import Mission, step_mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
@@ -127,10 +129,12 @@ Array = NDArray[np.float64]
 
 def simulate(
     vehicle: Vehicle,
+    mission: Mission | None = None,
     *,
-    setpoints: Sequence[tuple[float, float]],
-    duration: float,
-    start_depth: float,
+    step: tuple[float, float] | None = None,
+    setpoints: Sequence[tuple[float, float]] | None = None,
+    duration: float | None = None,
+    start_depth: float | None = None,
     start_volume: float | None = None,
     start_speed: float = 0.0,
     bottom_depth: float = math.inf,
@@ -150,12 +154,18 @@ def simulate(
     ----------
     vehicle
         As `load_vehicle` returns it.
+    mission
+        Set-points, start, duration and bottom from a file, in place of the following.
+    step
+        Depths (from, to) [m]; none, without set-points: 1.5 to 3 m, of a float with pump and valve
+        a dive from the surface to 500 m at most and back.
     setpoints
         (time [s], depth [m]), the first at 0, in the order of their times.
     duration
-        How long it goes on [s], rounded up to whole samples.
+        How long it goes on [s], rounded up to whole samples; none: 400 s, a float's dive as long as
+        it needs.
     start_depth
-        Depth at the start [m].
+        Depth at the start [m]; none: that of the step.
     start_volume
         Volume at the start [m3]; none: neutral at start_depth.
     start_speed
@@ -207,22 +217,28 @@ def simulate(
         chosen, numbers, tick = as_law(vehicle, law, sample_time)
         function, supervised = law, bool(supervised)
     check_counts(seed=(seed, 0), parts=(parts, 1))
-    times, depths = check_setpoints(setpoints, duration, tick)
-    reach = max(start_depth, *depths)
-    medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
-    p, layers = medium.plant, medium.layers
-    if checked:
-        check_mass(vehicle)
-        if column is not None and column.cast is not None:
-            check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
-        neutral_at = start_depth if start_volume is None else None
-        check_depths(vehicle, medium, setpoints=depths, start_depth=neutral_at)
-        if vehicle.command == "volume change" and min([start_depth, *depths[:-1]]) <= 0.0 < reach:
-            check_dive(vehicle)
-        if law is None and vehicle.command != "volume change":
-            check_sample_time(vehicle, chosen, numbers, tick, depths=[start_depth, *depths])
-    start = check_start(medium, start_depth, start_volume, start_speed)
-    clock = schedule(times, duration, tick)
+    asked = {"step": step, "setpoints": setpoints, "duration": duration}
+    asked |= {"start_depth": start_depth, "bottom_depth": bottom_depth}
+    task = _task(vehicle, mission, asked)
+    with _of_step(step):
+        times, depths = check_setpoints(task.setpoints, task.duration, tick)
+        reach = max(task.start_depth, *depths)
+        medium = medium_of(vehicle, column, reach=reach, bottom_depth=task.bottom_depth)
+        p, layers = medium.plant, medium.layers
+        if checked:
+            check_mass(vehicle)
+            if column is not None and column.cast is not None:
+                check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
+            neutral_at = task.start_depth if start_volume is None else None
+            check_depths(vehicle, medium, setpoints=depths, start_depth=neutral_at)
+            shallowest = min([task.start_depth, *depths[:-1]])
+            if vehicle.command == "volume change" and shallowest <= 0.0 < reach:
+                check_dive(vehicle)
+            if law is None and vehicle.command != "volume change":
+                every = [task.start_depth, *depths]
+                check_sample_time(vehicle, chosen, numbers, tick, depths=every)
+        start = check_start(medium, task.start_depth, start_volume, start_speed)
+    clock = schedule(times, task.duration, tick)
     pumped = vehicle.command == "volume change"
     if pumped and supervised and function is not None:
         what = "the board under a supervisor takes seconds of pump and valve, from its own law"
@@ -349,6 +365,50 @@ def check_start(medium: Medium, depth: float, volume: float | None, speed: float
             remedy="Start where the stroke can balance the vehicle, or give a start volume",
         )
     return np.array([0.0, neutral, depth, speed])
+
+
+class _Task(NamedTuple):
+    """What a run is asked to do."""
+
+    setpoints: Sequence[tuple[float, float]]
+    duration: float  # s
+    start_depth: float  # m
+    bottom_depth: float  # m
+
+
+def _task(vehicle: Vehicle, mission: Mission | None, asked: dict[str, Any]) -> _Task:
+    """Return what is asked for, in one of three ways; raises InputError where two say it."""
+    bottom = asked["bottom_depth"]
+    given = {**asked, "bottom_depth": None if bottom == math.inf else bottom}
+    given = {name: value for name, value in given.items() if value is not None}
+    said = {} if mission is None else dict.fromkeys(asked, "the mission says this already")
+    if mission is None and "setpoints" in given:
+        said = {"step": "the set-points say this already"}
+    elif mission is None and "step" in given:
+        said = {"start_depth": "the step begins there"}
+    for name in sorted(said.keys() & given):
+        raise InputError(said[name], field=name, value=given[name], remedy="Leave one of them out")
+    if "setpoints" not in given:
+        with _of_step(asked["step"]):
+            task = step_mission(vehicle, **given) if mission is None else mission
+        return _Task(task.pairs, task.span, task.start_depth, task.bottom)
+    for name, unit in (("duration", "s"), ("start_depth", "m")):
+        if name not in given:
+            raise InputError(
+                "with set-points it is needed", field=name, unit=unit, remedy="Give it"
+            )
+    return _Task(given["setpoints"], given["duration"], given["start_depth"], bottom)
+
+
+@contextmanager
+def _of_step(step: object) -> Iterator[None]:
+    """Say `step` in InputErrors of the block for the set-point and the start that it made."""
+    try:
+        yield
+    except InputError as error:
+        if step is None or error.field not in ("setpoints[0].depth", "start_depth", "depth"):
+            raise
+        raise error.but(field="step") from None
 
 
 def check_setpoints(
