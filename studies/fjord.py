@@ -142,7 +142,7 @@ def whole(
 ) -> tuple[float, float]:
     """Return the rms of depth [m] of a whole log in one go, and its neutral volume [m3]."""
     found = compare(
-        log, vehicle, drive="volume", free=names, submerged=True, surface_margin=UNDER, column=water
+        log, vehicle, drive="volume", free=names, submerged=True, surface_margin=UNDER, cast=water
     )
     return found.rms, found.fitted["neutral_volume"].value
 

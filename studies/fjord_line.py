@@ -89,7 +89,7 @@ def line_table(
                 submerged=True,
                 surface_margin=0.3,
                 free=("neutral_volume", "start_depth", "start_speed"),
-                column=water,
+                cast=water,
             )
             neutral = found.fitted["neutral_volume"].value
             said.append(f"| {n} | {name} | {found.rms:.3f} | {1e6 * neutral:.1f} |")

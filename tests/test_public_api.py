@@ -132,7 +132,7 @@ RECORDS = {
     "size": [sb.Dive, Parts.with_driver],
 }
 CALLED = {
-    "cast": {"cast", "casts", "column", "columns"},
+    "cast": {"cast", "casts", "columns"},
     "logs": {"logs", "log"},
 }
 ELSEWHERE = {

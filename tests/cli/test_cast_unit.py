@@ -132,7 +132,7 @@ def commands(folder):
 def test_python_refuses_as_the_commands_do(tmp_path, called):
     column = cast_column(read_cast(written(tmp_path, "bar")))
     with quoted.refused(InputError, field="pressure_dbar"):
-        called(load_vehicle("example-float"), depth_range=(100.0, 180.0), column=column)
+        called(load_vehicle("example-float"), depth_range=(100.0, 180.0), cast=column)
 
 
 @pytest.mark.parametrize(
@@ -269,7 +269,7 @@ def test_python_refuses_what_the_commands_refuse(tmp_path):
             setpoints=[(0.0, 6.0)],
             duration=60.0,
             start_depth=1.5,
-            column=cast_column(shallow, step=0.1),
+            cast=cast_column(shallow, step=0.1),
         )
     with pytest.raises(InputError) as asked:
         check_cast_unit(shallow, 6.0, 100.0)

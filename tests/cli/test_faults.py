@@ -144,7 +144,7 @@ def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
     assert json.loads(capsys.readouterr().out)["faults"] == plain["faults"]
     column = cast_column(read_cast(cast, latitude=45.0), step=0.1)
     with pytest.raises(InputError) as refused:
-        faults(usual(load_vehicle("feup-em"), column=column), missions=2, column=column)
+        faults(usual(load_vehicle("feup-em"), column=column), missions=2, cast=column)
     assert main([*words, *out]) == 2
     assert refused.value.what in json.loads(capsys.readouterr().out)["error"]
 

@@ -56,7 +56,7 @@ def test_the_files_have_what_python_gives(capsys, lake, tmp_path):
     column = cast_column(read_cast(lake, salinity=0.0), step=0.1)
     run = dict(setpoints=[(0.0, 6.0)], duration=120.0, start_depth=1.5)
     v = sb.load_vehicle("feup-em")
-    ours, even = sb.simulate(v, column=column, **run), sb.simulate(v, **run)
+    ours, even = sb.simulate(v, cast=column, **run), sb.simulate(v, **run)
     with (tmp_path / "trajectory.csv").open(newline="", encoding="ascii") as file:
         depth = [float(row["depth_m"]) for row in csv.DictReader(file)]
     assert np.array_equal(depth, ours.depth)

@@ -67,6 +67,21 @@ def test_set_points_may_be_texts_each_in_its_unit():
     np.testing.assert_array_equal(by_text.depth, by_array.depth)
 
 
+def test_a_cast_is_water_where_it_is_asked_for(tmp_path):
+    rows = [f"{p},{12.0 - 0.02 * p},0" for p in range(0, 42, 2)]
+    lake = tmp_path / "lake.csv"
+    lake.write_text("pressure_dbar,temperature_degC,salinity\n" + "\n".join(rows) + "\n")
+    cast = sb.read_cast(lake, latitude=45.0, longitude=8.0)
+    flown = [
+        sb.simulate(VEHICLE, **STEP, cast=water).depth
+        for water in (cast, sb.cast_column(cast, step=0.1))
+    ]
+    np.testing.assert_array_equal(*flown)
+    assert not np.array_equal(flown[0], sb.simulate(VEHICLE, **STEP).depth)
+    with pytest.raises(sb.InputError, match=r"cast: no Cast \(got 3\)\. Give what read_cast"):
+        sb.simulate(VEHICLE, **STEP, cast=3)
+
+
 def test_files_are_read_by_their_names(tmp_path):
     flown = sb.simulate(VEHICLE, **STEP)
     flown.save(tmp_path)

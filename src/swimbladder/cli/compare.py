@@ -142,7 +142,7 @@ def _compare(
     with working(f"comparing {log.label}") as advance:
         from swimbladder.estimation.comparison import compare as compare_log
 
-        result = compare_log(read, vehicle, **options, column=water, advance=advance)
+        result = compare_log(read, vehicle, **options, cast=water, advance=advance)
     if spans is None:
         return result, None
     edges = {n: options[n] for n in ("bottom_depth", "surface_margin") if n in options}

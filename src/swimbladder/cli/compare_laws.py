@@ -90,7 +90,7 @@ def compare_laws(
     v, assumed = sensor.assumed(loaded(vehicle, sampled=True, pumped=True))
     options = flights.read() | {"supervised": supervised}
     reach = None if options["depth_range"] is None else options["depth_range"][1]
-    options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
+    options["cast"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     parts = to.out / "parts"
     with working("tuning and flying", keep=parts) as advance:
         from swimbladder.design.law_comparison import compare_laws

@@ -53,7 +53,7 @@ def faults(
 
     v, asked = limit.on(loaded(vehicle)), missions.read()
     reach = None if asked["depth_range"] is None else asked["depth_range"][1]
-    asked["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
+    asked["cast"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     if repeat is not None:
         _one(v, repeat, asked, to)
         return
@@ -73,7 +73,7 @@ def _one(vehicle: Vehicle, mission: str, asked: dict[str, Any], to: Files) -> No
         why = "a mission is a number of eight digits at most, or one with an h before it"
         remedy = "Write it like 17, or h17 for a healthy one"
         raise InputError(why, field="--repeat", value=mission, remedy=remedy)
-    how = {name: asked[name] for name in ("seed", "depth_range", "column")}
+    how = {name: asked[name] for name in ("seed", "depth_range", "cast")}
     with working("flying the mission"):
         from swimbladder.show.faults import FlownShown
         from swimbladder.sim.faults.run import fly_one

@@ -132,7 +132,7 @@ def identify(
     options = {**sought.given(), **fit.given()}
     paper, seed = options.pop("paper"), options.pop("seed")
     options["posterior"] = seed if fit.posterior else None
-    options["columns"] = casts.water(v.hull.depth_limit)
+    options["casts"] = casts.water(v.hull.depth_limit)
     given: list[Log] = []
     seen: set[Path] = set()
     for log in reading.chosen(logs):

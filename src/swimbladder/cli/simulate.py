@@ -176,7 +176,7 @@ def _run(vehicle: Vehicle, task: Mission, how: How, column: Column | None) -> So
             vehicle,
             task,
             seed=how.seed,
-            column=column,
+            cast=column,
             supervised=how.supervised,
             advance=advance,
         )

@@ -91,5 +91,5 @@ def size(
     listed = load_parts(parts).with_driver(**driver.read())
     doing = progress("weighing drives", total=6.0)
     with doing as advance:
-        found = find(vehicle, Dive(**asked), column=sea, parts=listed, advance=advance, **room)
+        found = find(vehicle, Dive(**asked), cast=sea, parts=listed, advance=advance, **room)
     to.answer(found)

@@ -63,7 +63,7 @@ def tune(
     v = sensor.on(loaded(vehicle))
     options = design.read()
     reach = max(*options["depth_range"], *(options["step"] or ()))
-    options["column"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
+    options["cast"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     with working("searching gains") as advance:
         from swimbladder.design.tuning import tune as find
 

@@ -27,6 +27,7 @@ _LOADED_BY = {
     "Vehicle": ("swimbladder.io.config", "load_vehicle"),
     "Mission": ("swimbladder.io.config", "load_mission"),
     "Cast": ("swimbladder.io.casts", "read_cast"),
+    "Column": ("swimbladder.io.casts", "read_cast"),
     "FloatLog": ("swimbladder.io.float_logs", "read_float_log"),
     "Log": ("swimbladder.io.logs", "read_log"),
 }
@@ -91,7 +92,8 @@ def _takers(function: Callable[..., Any]) -> dict[str, _Taker]:
         if {"Mapping", "Callable"} & words:
             continue
         if (type_name := next((word for word in _LOADED_BY if word in words), None)) is not None:
-            reader = _reader(type_name)
+            water = _water(_STEP.get(function.__name__, 0.1))
+            reader = water if type_name == "Column" else _reader(type_name)
             found[name] = _several(reader) if "Sequence" in words else reader
         elif "float" in words and not {"ArrayLike", "NDArray"} & words:
             numbers = [_number(unit) for unit in _units(function).get(name, [""])]
@@ -153,6 +155,21 @@ def _each(read: _Taker) -> _Taker:
             what, remedy = "not a list", f"Give several, or one as {name}=[...]"
             raise InputError(what, field=name, value=value, remedy=remedy)
         return [read(one, f"{name}[{k}]") for k, one in enumerate(value)]
+
+    return take
+
+
+_STEP = {"size": 1.0, "identify_deep": 1.0}  # m, rows of the water; 0.1 m in a tank or pool
+
+
+def _water(step: float) -> _Taker:
+    """Return what makes water with rows so far apart [m] of a cast, and takes water as it is."""
+
+    def take(value: Any, name: str) -> Any:
+        if value is None or hasattr(value, "density_std"):
+            return value
+        seawater = import_module("swimbladder.physics.seawater")
+        return seawater.cast_column(_reader("Cast")(value, name), step=step)
 
     return take
 

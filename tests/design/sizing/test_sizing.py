@@ -191,7 +191,7 @@ def test_the_sized_vehicle_is_ballasted_for_the_sea_it_was_sized_for() -> None:
         longitude=-30.0,
     )
     sea = cast_column(cast)
-    done = size(BODY, DIVE, column=sea, parts=_few(), sweeps=False)
+    done = size(BODY, DIVE, cast=sea, parts=_few(), sweeps=False)
     vehicle, asked = sized_vehicle(done), done.asked
     volume = np.interp(asked.depth, sea.depth, neutral_volume(vehicle, sea))
     inner = vehicle.stroke.minimum
@@ -254,7 +254,7 @@ def test_a_body_rated_for_less_is_refused() -> None:
 
 def test_a_cast_too_short_is_refused() -> None:
     with pytest.raises(InputError, match="known down to 500 m"):
-        size(BODY, DIVE, column=uniform_column(BODY.water, 500.0))
+        size(BODY, DIVE, cast=uniform_column(BODY.water, 500.0))
 
 
 def test_parts_files_say_what_is_wrong(tmp_path) -> None:

@@ -256,7 +256,7 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
     assert wet.energy != even.energy
     assert wet.settled == 1.0
     with refused(InputError, field="cast"):
-        tune(FLOAT, depth_range=(100.0, 900.0), runs=20, column=column)
+        tune(FLOAT, depth_range=(100.0, 900.0), runs=20, cast=column)
 
 
 SOFT = changed("hull", psi=2e-6)
@@ -327,7 +327,7 @@ def test_the_command_tunes_a_float_in_a_cast_as_python_does(capsys, sea, tmp_pat
     answer = json.loads(capsys.readouterr().out)
     names = {"vehicle.toml", "report.html", "tune.json", "tune.png"}
     assert {p.name for p in out.iterdir()} == names
-    found = tune(FLOAT, depth_range=DEPTHS, runs=20, column=cast_column(read_cast(sea)))
+    found = tune(FLOAT, depth_range=DEPTHS, runs=20, cast=cast_column(read_cast(sea)))
     assert answer["region"] == pytest.approx(found.to_dict()["region"], rel=1e-2)
     page = (out / "report.html").read_text(encoding="utf-8")
     assert "time to the depth, 95 %" in page

@@ -50,7 +50,7 @@ def column(lake):
 
 @pytest.fixture(scope="module")
 def simulated(column):
-    return sb.simulate(FEUP, column=column, **RUN), sb.simulate(FEUP, **RUN)
+    return sb.simulate(FEUP, cast=column, **RUN), sb.simulate(FEUP, **RUN)
 
 
 def test_a_trial_is_flown_in_it_as_simulate_does(column, simulated):
@@ -89,7 +89,7 @@ def test_vehicles_that_are_drawn_have_its_density(column):
 def test_tuning_says_and_feels_it(column):
     given = {"law": "planned", "depth_range": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
     given["supervised"] = False
-    wet, even = tune(FEUP, column=column, **given), tune(FEUP, **given)
+    wet, even = tune(FEUP, cast=column, **given), tune(FEUP, **given)
     assert any("in the water of lake.csv" in words for words in wet.assumptions)
     assert not any("lake.csv" in words for words in even.assumptions)
     # How far its layers move the neutral volume is what the law may have to learn.
@@ -107,9 +107,9 @@ def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
     given = {"law": "planned", "depth_range": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
     said = "the supervisor takes a healthy vehicle for a faulty one and brings it up"
     with pytest.raises(NoAnswerError, match=said):
-        tune(FEUP, column=column, **given)
+        tune(FEUP, cast=column, **given)
     wide = FEUP.model_copy(update={"supervisor": Supervisor(neutral_change=75e-6)})
-    found = tune(wide, column=column, **given)
+    found = tune(wide, cast=column, **given)
     assert found.region.alarms == 0.0
     limited = wide.supervisor.model_copy(update={"time_limit": 7200.0})
     assert found.result_vehicle.supervisor == limited
@@ -118,7 +118,7 @@ def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
 
 def test_a_cast_that_ends_above_is_refused(column):
     with pytest.raises(InputError, match=r"lake\.csv ends at 15 m"):
-        tune(FEUP, depth_range=(0.0, 20.0), column=column)
+        tune(FEUP, depth_range=(0.0, 20.0), cast=column)
 
 
 @pytest.mark.parametrize(

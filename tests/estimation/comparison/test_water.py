@@ -66,7 +66,7 @@ def test_a_hull_feels_the_mean_density_over_its_height():
 
 def test_the_whole_log_is_met_with_the_cast_and_missed_without_it():
     log = sailed(VEHICLE, noise=0.0)
-    with_cast = compare(log, VEHICLE, free=("start_depth", "start_speed"), column=COLUMN)
+    with_cast = compare(log, VEHICLE, free=("start_depth", "start_speed"), cast=COLUMN)
     assert with_cast.rms < 3e-3  # the rows of the cast are 5 cm apart
     assert with_cast.solution is None
     without = compare(log, VEHICLE, free=("neutral_volume",))
@@ -76,7 +76,7 @@ def test_the_whole_log_is_met_with_the_cast_and_missed_without_it():
 def test_the_neutral_volume_and_its_drift_are_found_in_layers():
     log = sailed(VEHICLE, error=2e-6, drift=1e-8, seed=2)
     names = ("neutral_volume", "neutral_drift", "start_depth", "start_speed")
-    found = compare(log, VEHICLE, free=names, column=COLUMN)
+    found = compare(log, VEHICLE, free=names, cast=COLUMN)
     assert found.rms == pytest.approx(3e-3, rel=0.3)
     neutral, drift = found.fitted["neutral_volume"], found.fitted["neutral_drift"]
     assert neutral.value == pytest.approx(VEHICLE.trim_error + 2e-6, abs=0.2e-6)
@@ -98,7 +98,7 @@ def test_predictions_ahead_gain_by_the_cast():
 def test_a_volume_of_its_own_zero_is_neutral_where_the_log_begins():
     log = sailed(VEHICLE, noise=0.0, start=1.2, pushes=(0.0, 3.0, -4.0, 20.0))
     shifted = replace(log, volume=log.volume - log.volume[0] + 5e-6, volume_absolute=False)
-    rec = compare(shifted, VEHICLE, column=COLUMN, free=("start_depth",)).record
+    rec = compare(shifted, VEHICLE, cast=COLUMN, free=("start_depth",)).record
     assert rec.volume[0] == pytest.approx(
         VEHICLE.neutral_volume(1.2) + added(1.2, VEHICLE), abs=1e-7
     )
@@ -107,9 +107,9 @@ def test_a_volume_of_its_own_zero_is_neutral_where_the_log_begins():
 def test_what_a_cast_cannot_be_used_for_is_said():
     log = sailed(VEHICLE)
     with refused(LogError, field="depth_m", holds={2.0}):
-        compare(log, VEHICLE, column=column(2.0))
+        compare(log, VEHICLE, cast=column(2.0))
     with refused(InputError, field="cast", value="halocline"):
-        compare(replace(log, reference_depth=log.depth), VEHICLE, drive="setpoint", column=COLUMN)
+        compare(replace(log, reference_depth=log.depth), VEHICLE, drive="setpoint", cast=COLUMN)
     with refused(InputError, field="cast", holds={2.0, 3.0}):
         water_of_each(3, [COLUMN, COLUMN])
     assert water_of_each(2, []) == (None, None)

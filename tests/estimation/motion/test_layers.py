@@ -27,7 +27,7 @@ def logs():
 
 
 def test_the_parameters_are_found_with_their_intervals(logs):
-    found = identify(logs, VEHICLE, columns=[COLUMN], profiles=False, choices=False)
+    found = identify(logs, VEHICLE, casts=[COLUMN], profiles=False, choices=False)
     assert found.identified
     for name, truth in TRUTH.items():
         e = found.parameters[name]
@@ -69,4 +69,4 @@ def test_the_innovations_say_so_too(logs):
 
 def test_one_cast_or_one_for_each_log(logs):
     with refused(InputError, field="cast", holds={2.0, 3.0}):
-        identify(logs, VEHICLE, columns=[COLUMN] * 3)
+        identify(logs, VEHICLE, casts=[COLUMN] * 3)

@@ -156,7 +156,7 @@ def test_a_volume_in_a_fjord_against_scipy_and_gsw(drag):
         time=np.arange(300.0),
         volume=centre + np.interp(np.arange(300.0), TIMES, PUSH),
         start_depth=6.0,
-        column=column(),
+        cast=column(),
     )
     assert ours.finished
     assert np.ptp(theirs) > 2.0
@@ -182,7 +182,7 @@ def test_a_closed_loop_in_a_fjord_against_scipy_and_gsw():
         setpoints=[(0.0, 6.0)],
         duration=120.0,
         start_depth=5.0,
-        column=column(),
+        cast=column(),
     )
     x, theirs = np.array([0.0, ours.volume[0] * C, 5.0, 0.0]), []
     assert ours.volume[0] == pytest.approx(oracle.neutral(5.0), abs=1e-7)
@@ -232,7 +232,7 @@ def test_the_order_is_four_in_layers():
             setpoints=[(0.0, 8.0)],
             duration=n * tick,
             start_depth=8.0,
-            column=coarse,
+            cast=coarse,
         )
         errors.append(np.abs(ours.depth - exact[:, 2]).max())
     assert 1.0 < exact[:, 2].min() < exact[:, 2].max() < 11.5
@@ -263,7 +263,7 @@ def test_its_own_water_changes_nothing():
         setpoints=[(0.0, 10.0)],
         start_depth=10.0,
     )
-    plain, cast_ = simulate(v, **run), simulate(v, column=uniform_column(v.water, 50.0), **run)
+    plain, cast_ = simulate(v, **run), simulate(v, cast=uniform_column(v.water, 50.0), **run)
     assert np.ptp(plain.depth) > 1.0
     np.testing.assert_allclose(cast_.depth, plain.depth, rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(cast_.volume, plain.volume, rtol=0.0, atol=1e-13)
@@ -295,7 +295,7 @@ def test_near_a_depth_it_is_psi_of_eq_31():
         start_depth=20.0,
         volume=medium.neutral_volume(20.0) + 4e-6 * np.sin(2.0 * math.pi * t / 40.0),
     )
-    ours, theirs = drive(v, column=water, **run), drive(linear, **run)
+    ours, theirs = drive(v, cast=water, **run), drive(linear, **run)
     assert 0.05 < np.ptp(theirs.depth) < 0.5
     assert np.abs(ours.depth - theirs.depth).max() < 0.01 * np.ptp(theirs.depth)
 
@@ -307,7 +307,7 @@ def test_a_mission_flown_in_the_same_water_goes_the_same_way():
     flown = fly_mission(v, task, column(), accuracy=TIGHT, checked=False)
     t, keep = np.unique(flown.rows["t"], return_index=True)
     rows = flown.rows[keep][t < 100.0]
-    ours = drive(v, time=rows["t"], volume=rows["v"], start_depth=10.0, column=column())
+    ours = drive(v, time=rows["t"], volume=rows["v"], start_depth=10.0, cast=column())
     share = medium_of(v, column(), reach=10.0).misses
     way = np.ptp(rows["z"])
     assert way > 6.0  # up into the brackish layer, where it floats
@@ -321,13 +321,13 @@ def test_it_lies_on_the_bottom_until_the_volume_is_that_of_the_cast():
     lifts = medium.neutral_volume(8.0)
     t = np.linspace(0.0, 200.0, 401)
     volume = np.interp(t, [0.0, 20.0, 60.0, 200.0], lifts + np.array([-5e-5, -5e-5, -2e-5, 5e-5]))
-    s = drive(v, time=t, volume=volume, start_depth=7.5, bottom_depth=8.0, column=column())
+    s = drive(v, time=t, volume=volume, start_depth=7.5, bottom_depth=8.0, cast=column())
     kinds = [e.kind for e in s.events]
     assert kinds[:2] == ["reached the bottom", "left the bottom"]
     assert s.events[1].time == pytest.approx(np.interp(lifts, volume[120:], t[120:]), abs=1e-3)
     assert s.balance.relative_energy_residue < 1e-4
     with refused(InputError, field="start_depth", value=9.0):
-        drive(v, time=t, volume=volume, start_depth=9.0, bottom_depth=8.0, column=column())
+        drive(v, time=t, volume=volume, start_depth=9.0, bottom_depth=8.0, cast=column())
 
 
 def test_it_comes_up_in_the_water_of_the_cast():
@@ -336,9 +336,7 @@ def test_it_comes_up_in_the_water_of_the_cast():
     medium = medium_of(v, column(), reach=3.0)
     p = medium.plant
     V = medium.neutral_volume(0.1) + 6e-5
-    s = drive(
-        v, time=np.arange(0.0, 600.0), volume=np.full(600, V), start_depth=3.0, column=column()
-    )
+    s = drive(v, time=np.arange(0.0, 600.0), volume=np.full(600, V), start_depth=3.0, cast=column())
     floats = brentq(
         lambda z: p.a_b * (medium.neutral_volume(z) - V) + p.a_s * (p.z_surface - z), -1.0, 0.3
     )
@@ -356,7 +354,7 @@ def test_an_ensemble_is_each_vehicle_alone():
         setpoints=[(0.0, 6.0)],
         duration=60.0,
         start_depth=4.0,
-        column=column(),
+        cast=column(),
     )
     shares = np.array([1.0, 0.8])
     many = simulate_ensemble(
@@ -381,8 +379,8 @@ def test_a_cast_compiles_nothing_anew():
     simulate(v, **run)
     told = []
     with on_compile(lambda: told.append(True)):
-        simulate(v, column=column(), **run)
-        simulate(v, column=column(0.1), **run)
+        simulate(v, cast=column(), **run)
+        simulate(v, cast=column(0.1), **run)
     assert not told
 
 
@@ -397,7 +395,7 @@ def test_what_the_water_does_not_allow_is_said():
 
 def simulate_step(v, depth, **more):
     return simulate(
-        v, setpoints=[(0.0, depth)], duration=30.0, start_depth=4.0, column=column(), **more
+        v, setpoints=[(0.0, depth)], duration=30.0, start_depth=4.0, cast=column(), **more
     )
 
 

@@ -71,7 +71,7 @@ def test_board_and_supervisor_fly_as_they_are_simulated(watched, water):
         setpoints=[(float(n["t"]), depths[int(n["number"])]) for n in begun],
         start_depth=0.0,
         duration=np.ceil(flight.duration),
-        column=water,
+        cast=water,
     )
     assert found.supervised
     assert flight.plan.supervised

@@ -118,7 +118,7 @@ def test_layers_are_those_of_simulate():
     density = even.density + 0.5 * np.tanh((even.depth - 2.2) / 0.4)
     column = dataclasses.replace(even, density=density, source="a step of salt")
     flight = flown(vehicle, steps(HOLD, PARK), column=column, checked=False)
-    found, samples = simulated(vehicle, flight, column=column)
+    found, samples = simulated(vehicle, flight, cast=column)
     even = flown(vehicle, steps(HOLD, PARK), checked=False)
     np.testing.assert_allclose(flight.rows["z"], found.depth[samples], atol=1e-6)
     n = min(len(even.rows), len(flight.rows))

@@ -59,7 +59,7 @@ def flown(vehicle, column):
 def test_the_mission_does_the_cycles_that_were_asked_for(cold, battery):
     """One more at most than 5 %, which is what `corrections` adds to a way that needs few."""
     listed = parts(batteries=load_parts().batteries[battery : battery + 1])
-    found = size(BODY, DIVE, column=cold, sweeps=False, parts=listed)
+    found = size(BODY, DIVE, cast=cold, sweeps=False, parts=listed)
     flight, cycles = flown(sized_vehicle(found), cold)
     assert DIVE.cycles <= cycles <= 1.05 * DIVE.cycles + 1
     balance, spent = close_balance(flight).battery, found.evaluation.spent
@@ -72,7 +72,7 @@ def test_the_mission_does_the_cycles_that_were_asked_for(cold, battery):
 
 def test_the_capacity_for_what_a_cycle_took_is_that_many_cycles(cold):
     """Energy and time of a flown cycle in the place of the reckoned ones: to the cycle."""
-    vehicle = sized_vehicle(size(BODY, DIVE, column=cold, sweeps=False, parts=parts()))
+    vehicle = sized_vehicle(size(BODY, DIVE, cast=cold, sweeps=False, parts=parts()))
     flight, cycles = flown(vehicle, cold)
     balance = close_balance(flight)
     each = (balance.drawn - balance.battery["self-discharge"]) / cycles
@@ -90,7 +90,7 @@ def test_the_capacity_for_what_a_cycle_took_is_that_many_cycles(cold):
 
 def test_without_a_reserve_it_lasts_as_long_as_the_battery_says(cold):
     dive = dataclasses.replace(DIVE, battery_reserve=0.0)
-    found = size(BODY, dive, column=cold, sweeps=False, parts=parts())
+    found = size(BODY, dive, cast=cold, sweeps=False, parts=parts())
     mean = found.evaluation.spent.drawn[found.best] / (dive.cycles * dive.cycle_time)
     supply = sized_vehicle(found).supply
     full, s = supply.capacity, supply.self_discharge
@@ -100,7 +100,7 @@ def test_without_a_reserve_it_lasts_as_long_as_the_battery_says(cold):
 
 
 def test_the_parts_of_the_battery_are_all_of_it(cold):
-    found = size(BODY, DIVE, column=cold, sweeps=False, parts=parts())
+    found = size(BODY, DIVE, cast=cold, sweeps=False, parts=parts())
     w, spent = found.evaluation, found.evaluation.spent
     whole = spent.drawn + spent.self_discharged + spent.cold + spent.reserve + spent.unusable
     kept = w.feasible
@@ -118,7 +118,7 @@ def test_without_cold_driver_and_years_it_is_the_plain_sum(cold):
     ]
     no_driver = type(listed.driver)()
     plain = listed.model_copy(update={"batteries": tuple(ideal), "driver": no_driver})
-    found = size(BODY, DIVE, column=cold, sweeps=False, parts=plain)
+    found = size(BODY, DIVE, cast=cold, sweeps=False, parts=plain)
     b, w = found.best, found.evaluation
     rest = DIVE.hotel * DIVE.cycle_time + DIVE.surface_energy
     carried = DIVE.cycles * (w.cycle_energy[b] + rest) / 0.9 / ideal[0].usable
@@ -126,20 +126,20 @@ def test_without_cold_driver_and_years_it_is_the_plain_sum(cold):
     stands_by = plain.model_copy(
         update={"driver": no_driver.model_copy(update={"standby_power": 0.01})}
     )
-    more = size(BODY, DIVE, column=cold, sweeps=False, parts=stands_by).evaluation
+    more = size(BODY, DIVE, cast=cold, sweeps=False, parts=stands_by).evaluation
     added = DIVE.cycles * 0.01 * DIVE.cycle_time / 0.9 / ideal[0].usable
     assert more.battery_energy[b] - carried == pytest.approx(added, rel=1e-9)
     half = plain.model_copy(
         update={"batteries": (ideal[0].model_copy(update={"cold_share": 0.5}),)}
     )
-    more = size(BODY, DIVE, column=cold, sweeps=False, parts=half).evaluation
+    more = size(BODY, DIVE, cast=cold, sweeps=False, parts=half).evaluation
     assert more.battery_energy[b] == pytest.approx(carried / (1.0 - 0.5 * 16.0 / 20.0), rel=1e-12)
 
 
 def test_a_battery_that_time_empties_is_none(cold):
     leaky = load_parts().batteries[1].model_copy(update={"self_discharge": 1e-7})
     with pytest.raises(sb.NoAnswerError, match="the charge"):
-        size(BODY, DIVE, column=cold, sweeps=False, parts=parts(batteries=(leaky,)))
+        size(BODY, DIVE, cast=cold, sweeps=False, parts=parts(batteries=(leaky,)))
 
 
 def test_cold_water_is_assumed_where_nothing_says():

@@ -280,7 +280,7 @@ class Tuner(NamedTuple):
     depth_range: tuple[float, float]  # m
     step: tuple[float, float]  # m, of the trials
     sample_time: float | None  # s
-    column: Column | None  # the water of the trials
+    cast: Column | None  # the water of the trials
     supervised: bool  # as flashed
     runs: int = _TRIALS
 

@@ -113,7 +113,7 @@ def fly_scenario(
         count=runs,
         start_depth=placed.start,
         seed=seed,
-        column=column,
+        cast=column,
         balance=no_energy(vehicle) is None,
         workers=1,
         **given,
@@ -360,7 +360,7 @@ def compare_laws(
     scenarios: Sequence[Scenario] | None = None,
     tune_for: Sequence[str] = GOALS,
     parts: Path | None = None,
-    column: Column | None = None,
+    cast: Column | None = None,
     supervised: bool = True,
     advance: Advance = silent,
 ) -> LawComparison:
@@ -390,9 +390,9 @@ def compare_laws(
     parts
         A folder where what is done is kept: a comparison that was stopped goes on there. None:
         nothing is kept.
-    column
-        The water of all runs and of the tuner's trials, as `cast_column` returns it; none: the
-        vehicle's own.
+    cast
+        The water of all runs and of the tuner's trials, as `read_cast` or `cast_column` returns it;
+        none: the vehicle's own.
     supervised
         Whether trials and runs are of law and supervisor, as `firmware` writes them, or of the law
         alone; the paper's law is always alone.
@@ -420,10 +420,10 @@ def compare_laws(
     everyone = contenders.own(vehicle)
     names, not_compared = contenders.choose_laws(vehicle, laws)
     where = contenders.places(vehicle, depth_range, supervised=supervised)
-    medium_of(vehicle, column, reach=where.most)  # refuses a cast that ends above
-    if column is not None and column.cast is not None:
+    medium_of(vehicle, cast, reach=where.most)  # refuses a cast that ends above
+    if cast is not None and cast.cast is not None:
         asked = None if depth_range is None else depth_range[1]
-        check_cast_unit(column.cast, asked, vehicle.hull.depth_limit)
+        check_cast_unit(cast.cast, asked, vehicle.hull.depth_limit)
     placed = [
         contenders.place(one, vehicle, where)
         for one in scenarios or contenders.scenarios_of(vehicle)
@@ -434,7 +434,7 @@ def compare_laws(
     around = region(vehicle)
     store = Store(parts)
     how = contenders.tuner(
-        vehicle, where, sample_time=sample_time, column=column, supervised=supervised
+        vehicle, where, sample_time=sample_time, column=cast, supervised=supervised
     )
     jobs = [(name, goal) for name in names for goal in tune_for]
     with ThreadPoolExecutor(1) as aside:  # they have a process of their own
@@ -450,7 +450,7 @@ def compare_laws(
             why = "; ".join(f"{name}: {why}" for name, why in not_compared.items())
             raise NoAnswerError(f"there is no controller to compare. {why}")
         flying = _FLYING if jobs else _FLYING + _TUNING
-        drawn = Drawn(runs, around, column=column, seed=seed, supervised=supervised)
+        drawn = Drawn(runs, around, column=cast, seed=seed, supervised=supervised)
         rows = _fly_all(vehicle, everyone, placed, drawn, store, lambda x: advance(x * flying))
         bounds, missing = bounding.result()
     return LawComparison(
@@ -464,7 +464,7 @@ def compare_laws(
         no_energy=no_energy(vehicle),
         runs=runs,
         seed=seed,
-        assumptions=_assumptions(vehicle, where.words, around, column, supervised=supervised),
+        assumptions=_assumptions(vehicle, where.words, around, cast, supervised=supervised),
     )
 
 

@@ -124,7 +124,7 @@ def size(
     body: Vehicle,
     dive: Dive,
     *,
-    column: Column | None = None,
+    cast: Column | None = None,
     parts: Parts | None = None,
     goal: Least = "mass",
     max_piston_stroke: float = 0.6,
@@ -141,8 +141,9 @@ def size(
         stroke are not.
     dive
         The dive that is asked for.
-    column
-        The water, as `cast_column` returns it; none: that of the body, with a battery at 4 degC.
+    cast
+        The water, as `read_cast` or `cast_column` returns it; none: that of the body, with a
+        battery at 4 degC.
     parts
         As `load_parts` returns them; none: those that come with swimbladder.
     goal
@@ -169,7 +170,7 @@ def size(
         No combination will do: which requirement is in the way, and by how much.
     """
     parts = load_parts() if parts is None else parts
-    if column is None and dive.battery_temperature is None:
+    if cast is None and dive.battery_temperature is None:
         dive = dataclasses.replace(dive, battery_temperature=_COLDEST)
     if goal not in get_args(Least):
         what = "no such goal"
@@ -178,7 +179,7 @@ def size(
     batch = combinations(parts, body.water)
 
     def water(swept: Dive) -> Column:
-        return column or uniform_column(body.water, swept.max_depth * 1.001)
+        return cast or uniform_column(body.water, swept.max_depth * 1.001)
 
     def solve(swept: Dive) -> tuple[Requirements, Evaluation]:
         asked = requirements(body, water(swept), swept)
@@ -191,7 +192,7 @@ def size(
     if not np.any(evaluation.feasible):
         raise _none(batch, evaluation, dive)
     best = _best(batch, evaluation, score)
-    deepest, swept = math.inf if column is None else column.deepest, []
+    deepest, swept = math.inf if cast is None else cast.deepest, []
     for what in _SWEPT if sweeps else ():
         swept.append(_sweep(what, _dives(dive, what, deepest), solve, batch, goal))
         advance(1.0)

@@ -134,7 +134,7 @@ def tune(
     step: tuple[float, float] | None = None,
     hold: float | None = None,
     runs: int = 200,
-    column: Column | None = None,
+    cast: Column | None = None,
     supervised: bool = True,
     advance: Advance = silent,
 ) -> Tuning:
@@ -166,10 +166,11 @@ def tune(
         pump and valve the tolerance; none: that of its law or 10 m.
     runs
         Of a trial, 20 or more.
-    column
+    cast
         The water that the trials are flown in and that stroke and neutral volume are held against,
-        as `cast_column` returns it; margins are those of the vehicle's own psi and density,
-        decisions of a pump and valve with psi as that water has it. None: the vehicle's own.
+        as `read_cast` or `cast_column` returns it; margins are those of the vehicle's own psi and
+        density, decisions of a pump and valve with psi as that water has it. None: the vehicle's
+        own.
     supervised
         Whether the trials fly law and supervisor, as `firmware` writes them, or the law alone.
     advance
@@ -209,9 +210,9 @@ def tune(
     for name in names if pumped else ():
         _check_way(depths, ends, _held(noisy, gains.tunable(name), goal, hold))
     judged = tuple(sorted({*depths, *ends}))
-    if column is not None and column.cast is not None:
-        check_cast_unit(column.cast, judged[-1], noisy.hull.depth_limit)
-    layers = medium_of(noisy, column, reach=judged[-1]).layers
+    if cast is not None and cast.cast is not None:
+        check_cast_unit(cast.cast, judged[-1], noisy.hull.depth_limit)
+    layers = medium_of(noisy, cast, reach=judged[-1]).layers
     _check_reach(noisy, judged, weak, around, layers)
     if supervised:
         limit = supervisor_parameters(noisy, h).deep.depth_limit
@@ -228,7 +229,7 @@ def tune(
         ends=ends,
         hold=hold,
         runs=runs,
-        column=column,
+        column=cast,
         supervised=supervised,
         around=around,
         judged=judged,

@@ -168,7 +168,7 @@ def fly(
     law, parameters, sample_time = bound
     if math.isnan(sample_time):
         sample_time = tick if supervised else _tick(parameters)
-        if given.get("column") is None:
+        if given.get("cast") is None:
             plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
             vehicle = vehicle.model_copy(update={"hull": plain})
     held = [] if before is None else [(0.0, given["start_depth"])]
@@ -249,7 +249,7 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)
         given |= {"supervised": supervised, "tick": drawn.tick}
-    given |= {"vary": vary, "seed": seed, "column": column, "count": runs}
+    given |= {"vary": vary, "seed": seed, "cast": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, before=before, **given)
 
 
@@ -439,7 +439,7 @@ def alarms_in_waves(vehicle: Vehicle, bound: BoundLaw, depth: float, drawn: Draw
             start_depth=depth,
             start_volume=medium.neutral_volume(depth),
             seed=drawn.seed,
-            column=drawn.column,
+            cast=drawn.column,
             depth_error=waves,
         )
         found.append(float((runs.alarm > 0).mean()))

@@ -512,7 +512,7 @@ def compare(
     bottom_depth: float = np.inf,
     surface_margin: float = 0.1,
     submerged: bool = False,
-    column: Column | None = None,
+    cast: Column | None = None,
     advance: Advance = silent,
 ) -> Comparison:
     """Drive the vehicle with what the log recorded, and compare depths.
@@ -536,9 +536,9 @@ def compare(
     submerged
         Whether to begin where the vehicle is first deeper than `surface_margin` below the depth of
         emergence.
-    column
-        The water of a cast, for a logged volume, as `cast_column` returns it; none: the vehicle's
-        own.
+    cast
+        The water, for a logged volume, as `read_cast` or `cast_column` returns it; none: the
+        vehicle's own.
     advance
         Called with the share of the work that was done since.
 
@@ -563,7 +563,7 @@ def compare(
         bottom_depth=bottom_depth,
         surface_margin=surface_margin,
         submerged=submerged,
-        column=column,
+        column=cast,
     )
     names = default_names(rec) if free is None else tuple(free)
     outcome = adjust(vehicle, rec, names, advance)

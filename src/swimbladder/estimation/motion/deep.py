@@ -404,7 +404,7 @@ class DeepIdentification(Answer):
 
 def identify_deep(
     logs: Sequence[FloatLog],
-    columns: Sequence[Column],
+    casts: Sequence[Column],
     vehicle: Vehicle,
     *,
     free: Sequence[str] | None = None,
@@ -418,8 +418,8 @@ def identify_deep(
     ----------
     logs
         As `read_float_log` returns them, one for each dive.
-    columns
-        The water, one for all dives or one each, as `cast_column` returns it.
+    casts
+        The water, one for all dives or one each, as `read_cast` or `cast_column` returns it.
     vehicle
         As `load_vehicle` returns it, with pump and valve.
     free
@@ -442,9 +442,9 @@ def identify_deep(
         The vehicle has no pump and valve, a log has no dive, or what is asked cannot be identified.
     """
     held, before = check_deep_request(
-        vehicle, len(logs), len(columns), free=free, fixed=fixed, priors=priors
+        vehicle, len(logs), len(casts), free=free, fixed=fixed, priors=priors
     )
-    each = list(columns) * (len(logs) if len(columns) == 1 else 1)
+    each = list(casts) * (len(logs) if len(casts) == 1 else 1)
     pairs = zip(logs, each, strict=True)
     dives = [deep_dive(log, column, vehicle, name=Path(log.source).name) for log, column in pairs]
     body = body_of(vehicle)

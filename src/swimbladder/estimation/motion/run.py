@@ -296,7 +296,7 @@ def identify(
     choices: bool = True,
     process_noise: ProcessNoise = "auto",
     posterior: int | None = None,
-    columns: Sequence[Column] = (),
+    casts: Sequence[Column] = (),
     advance: Advance = silent,
 ) -> Identification:
     """Identify the parameters that make the vehicle's model meet all logs together, with intervals.
@@ -343,7 +343,7 @@ def identify(
         always, never, or auto: where the logs show it.
     posterior
         Seed of draws from the posterior, without process noise (needs emcee); none: there are none.
-    columns
+    casts
         The water of casts, one for all logs or one for each; none: of constant density.
     advance
         Called with the share of the work that was done since.
@@ -368,7 +368,7 @@ def identify(
         raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
     if posterior is not None:
         sampling_library()
-    waters = water_of_each(len(logs), columns)
+    waters = water_of_each(len(logs), casts)
     read = partial(
         record, vehicle=vehicle, bottom_depth=bottom_depth, surface_margin=surface_margin
     )

@@ -169,7 +169,7 @@ def simulate_ensemble(
     neutral_change: ArrayLike | None = None,
     keep: Literal["summary", "trajectory"] = "summary",
     balance: bool = False,
-    column: Column | None = None,
+    cast: Column | None = None,
     supervised: bool | None = None,
     flashed: Vehicle | None = None,
     workers: int | None = None,
@@ -223,8 +223,8 @@ def simulate_ensemble(
         "summary": summaries only, or "trajectory": trajectories as well.
     balance
         Whether there is also ``energy``, what `RunBalance` calls the source.
-    column
-        The water, as `cast_column` returns it; none: the vehicle's own.
+    cast
+        The water, as `read_cast` or `cast_column` returns it; none: the vehicle's own.
     supervised
         As of `simulate`; the supervisor is the vehicle's in every lane. None: where its file has
         one.
@@ -262,7 +262,7 @@ def simulate_ensemble(
     depths = np.stack([spread(z, count, "setpoints", "m") for _, z in setpoints])
     z0 = spread(start_depth, count, "start_depth", "m")
     reach = float(max(depths.max(), z0.max()))
-    medium = medium_of(vehicle, column, reach=reach, bottom_depth=bottom_depth)
+    medium = medium_of(vehicle, cast, reach=reach, bottom_depth=bottom_depth)
     layers = medium.layers
     given = dict(vary or {})
     pumped = vehicle.command == "volume change"
@@ -281,7 +281,7 @@ def simulate_ensemble(
     lanes = Plant(*plants)
     model = None
     if pumped:
-        model = float_model(vehicle, medium, column, reach=reach, seconds=bool(watch))
+        model = float_model(vehicle, medium, cast, reach=reach, seconds=bool(watch))
     V0 = lanes.psi * z0 + lanes.V_0 + layers.along(z0)
     if model is not None:
         V0 = np.full(count, np.nan)  # as its stepper has it

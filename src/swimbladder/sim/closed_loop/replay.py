@@ -51,7 +51,7 @@ def drive(
     start_speed: float = 0.0,
     start_volume: float | None = None,
     bottom_depth: float = math.inf,
-    column: Column | None = None,
+    cast: Column | None = None,
 ) -> Solution:
     """Simulate the motion under a recorded volume or voltage, at the record's own instants.
 
@@ -76,8 +76,8 @@ def drive(
         Of a voltage: volume from which the motor starts [m3]; none: neutral.
     bottom_depth
         Depth of the bottom [m]; infinite: there is none.
-    column
-        The water, see `closed_loop.water`; none: the vehicle's own.
+    cast
+        The water, as `read_cast` or `cast_column` returns it; none: the vehicle's own.
 
     Returns
     -------
@@ -106,7 +106,7 @@ def drive(
             "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
         )
     refuse_pump_and_valve(vehicle.engine)
-    medium = medium_of(vehicle, column, reach=start_depth, bottom_depth=bottom_depth)
+    medium = medium_of(vehicle, cast, reach=start_depth, bottom_depth=bottom_depth)
     if volume is not None:
         start_volume = float(inputs[0])
         unbound = replace(medium, plant=medium.plant._replace(V_min=-math.inf, V_max=math.inf))

@@ -143,7 +143,7 @@ def simulate(
     parameters: Any = None,
     sample_time: float | None = None,
     parts: int | None = None,
-    column: Column | None = None,
+    cast: Column | None = None,
     checked: bool = True,
     supervised: bool | None = None,
     advance: Advance = silent,
@@ -186,8 +186,8 @@ def simulate(
     parts
         Steps that a sample is divided into; none: chosen from the drag. Refused for a pump and
         valve.
-    column
-        The water, see `closed_loop.water`; none: the vehicle's own.
+    cast
+        The water, as `read_cast` or `cast_column` returns it; none: the vehicle's own.
     checked
         Whether to refuse depths beyond rating or stroke, a mass that no water carries, and a sample
         time at which the vehicle's own law does not hold it.
@@ -223,12 +223,12 @@ def simulate(
     with _of_step(step):
         times, depths = check_setpoints(task.setpoints, task.duration, tick)
         reach = max(task.start_depth, *depths)
-        medium = medium_of(vehicle, column, reach=reach, bottom_depth=task.bottom_depth)
+        medium = medium_of(vehicle, cast, reach=reach, bottom_depth=task.bottom_depth)
         p, layers = medium.plant, medium.layers
         if checked:
             check_mass(vehicle)
-            if column is not None and column.cast is not None:
-                check_cast_unit(column.cast, reach, vehicle.hull.depth_limit)
+            if cast is not None and cast.cast is not None:
+                check_cast_unit(cast.cast, reach, vehicle.hull.depth_limit)
             neutral_at = task.start_depth if start_volume is None else None
             check_depths(vehicle, medium, setpoints=depths, start_depth=neutral_at)
             shallowest = min([task.start_depth, *depths[:-1]])
@@ -264,7 +264,7 @@ def simulate(
         if parts is not None:
             what = "the steps of a float are as long as its motion lets"
             raise InputError(what, field="parts", value=parts, remedy="Leave it out")
-        model = float_model(vehicle, medium, column, reach=reach, seconds=bool(watch))
+        model = float_model(vehicle, medium, cast, reach=reach, seconds=bool(watch))
         start[1] = math.nan if start_volume is None else start_volume
         return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
     divided = balance_steps(p, tick, start_speed, layers) if parts is None else parts

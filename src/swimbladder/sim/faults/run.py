@@ -158,7 +158,7 @@ def faults(
     healthy: int | None = None,
     seed: int = 1,
     depth_range: tuple[float, float] | None = None,
-    column: Column | None = None,
+    cast: Column | None = None,
     keep: Path | None = None,
     advance: Advance = silent,
 ) -> FaultResult:
@@ -177,8 +177,8 @@ def faults(
     depth_range
         Least and greatest [m]; none: from below the surface to a share of the depth at which the
         vehicle's supervisor turns it round.
-    column
-        The water, as `cast_column` returns it; none: the vehicle's own.
+    cast
+        The water, as `read_cast` or `cast_column` returns it; none: the vehicle's own.
     keep
         A folder for what is done, so that a run that was killed goes on there; none: nothing is
         kept.
@@ -206,7 +206,7 @@ def faults(
             what = "must be a whole number from 1 to 10 million"
             remedy = "Give some hundreds to try, 100000 to prove"
             raise InputError(what, field=field, value=count, remedy=remedy)
-    course = course_of(vehicle, depth_range, column)
+    course = course_of(vehicle, depth_range, cast)
     made = program_of(course)
     files = sources(made)
     with Board(files, (UNSUPERVISED, SUPERVISED, IDEAL)) as board:
@@ -383,14 +383,14 @@ def fly_one(
     healthy: bool = False,
     seed: int = 1,
     depth_range: tuple[float, float] | None = None,
-    column: Column | None = None,
+    cast: Column | None = None,
 ) -> Flown:
     """Return mission `number` of a seed, as a campaign flew it, with its trajectories.
 
     Raises InputError as `faults` does.
     """
     own_law(vehicle, sampled=False)
-    course = course_of(vehicle, depth_range, column)
+    course = course_of(vehicle, depth_range, cast)
     mission = draw(course, seed=seed, number=number, healthy=healthy)
     ways = [(SUPERVISED, OWN), (UNSUPERVISED, OWN), (IDEAL, FULL)][: 2 if healthy else 3]
     with board_of(course) as board:
