@@ -82,6 +82,18 @@ def test_a_cast_is_water_where_it_is_asked_for(tmp_path):
         sb.simulate(VEHICLE, **STEP, cast=3)
 
 
+def test_numbers_of_records_may_be_texts():
+    assert sb.Dive(max_depth="1 km", hotel="20 mW") == sb.Dive(max_depth=1000.0, hotel=0.02)
+    assert sb.Target(neutral_depth="5 m", probability="90 %") == sb.Target(
+        neutral_depth=5.0, probability=0.9
+    )
+    assert sb.Uncertainty(trim="3 cm3").trim == 3e-6
+    assert sb.Thruster(diameter="8 cm", efficiency="40 %") == sb.Thruster(0.08, 0.4)
+    assert sb.Flights(step=("1 m", "300 cm"), duration="1 min").step == (1.0, 3.0)
+    assert sb.Workers(part="2/8").part == (2, 8)
+    assert sb.Spread(trim="5 cm3").trim == 5e-6
+
+
 def test_files_are_read_by_their_names(tmp_path):
     flown = sb.simulate(VEHICLE, **STEP)
     flown.save(tmp_path)

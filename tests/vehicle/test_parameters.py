@@ -10,6 +10,8 @@ from pydantic import BaseModel, ValidationError
 
 from swimbladder import vehicle as parameters
 from swimbladder.errors import InputError
+from swimbladder.io.config import load_vehicle
+from swimbladder.io.presets import preset_names
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import (
     Actuator,
@@ -56,6 +58,13 @@ def refused(data):
     with pytest.raises(ValidationError) as caught:
         Vehicle.model_validate(data)
     return input_error(caught.value, Vehicle)
+
+
+@pytest.mark.parametrize("name", preset_names())
+def test_equal_vehicles_have_one_hash_so_that_a_function_can_be_cached_by_them(name):
+    one, same = load_vehicle(name), load_vehicle(name)
+    assert one == same
+    assert len({one, same, one.replace({"trim_error": 2e-6})}) == 2
 
 
 def test_texts_with_units_become_si():

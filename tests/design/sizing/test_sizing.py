@@ -3,6 +3,8 @@
 import dataclasses
 import math
 import re
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -290,6 +292,30 @@ def test_the_answer_is_whole(found: Sizing) -> None:
     text = " ".join(found.sentences)
     assert "1000 m" in text
     assert "cm3" in text
+
+
+SHARES = {"probability", "stroke_reserve", "corrections", "battery_reserve", "battery_low"}
+SHARES |= {"stall_reserve", "margin", "values"}
+
+
+def numbers_of(value: Any, key: str = "") -> Iterator[str]:
+    """Yield what each number of an answer is called, margins left out: they have no unit."""
+    if isinstance(value, dict):
+        for name, held in value.items():
+            if name != "margins":
+                yield from numbers_of(held, key if key.endswith("_m3") else name)
+    elif isinstance(value, list):
+        for held in value:
+            yield from numbers_of(held, key)
+    elif isinstance(value, float):
+        yield key
+
+
+def test_a_number_of_the_answer_has_its_unit_in_its_name(found: Sizing) -> None:
+    called = set(numbers_of(found.to_dict())) - SHARES
+    assert len(called) > 25
+    unit = r".*_(m|m3|m3_s|m3_per_s|s|m_s|J|J_per_m3|W|V|A|Pa|kg|degC)"
+    assert {name for name in called if not re.fullmatch(unit, name)} == set()
 
 
 def test_the_parts_of_the_battery_are_all_of_it_and_the_reserve_is_of_what_the_cold_leaves(
