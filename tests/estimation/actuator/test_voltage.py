@@ -351,7 +351,7 @@ def test_what_does_not_move_or_has_no_voltage_is_refused():
         identify_actuator([replace(log, piston=None)])
     with refused(LogError, field="piston_m"):
         identify_actuator([log.only(np.arange(len(log)) < 5)])
-    with refused(InputError, field="NAME", value="K3"):
+    with refused(InputError, field="fixed", value="K3"):
         identify_actuator([log], fixed={"K3": 1.0})
     with refused(InputError, field="LOG"):
         identify_actuator([log, replace(log, voltage=None)])
