@@ -21,6 +21,7 @@ from swimbladder.vehicle.schema import dotted, meanings
 
 _DEEP = 100.0  # m, drawn of a vehicle whose reach nothing limits
 _DIGITS = 6
+_RATES = {"m3/s": "cm3/s", "m3/s/V": "cm3/s/V"}  # of an actuator
 
 
 class VehicleShown(Shown[Vehicle]):
@@ -56,7 +57,7 @@ class VehicleShown(Shown[Vehicle]):
     def follows(self) -> Table:
         """What follows from its numbers."""
         rows = [
-            (meaning, "" if value is None else f"{value:.6g}", unit)
+            (meaning, *(("", "") if value is None else _shown(value, unit)))
             for value, unit, meaning in derived(self.found).values()
         ]
         headings = (f"follows from the numbers of {self.found.name}", "", " ")
@@ -83,7 +84,7 @@ def _shown(value: Any, unit: str) -> tuple[str, str]:
         return ", ".join(_shown(one, unit)[0] for one in value), shown_unit(unit)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value), unit
-    shown = shown_unit(unit)
+    shown = _RATES.get(unit, shown_unit(unit))
     return rounded(value * unit_factor(unit, shown), _DIGITS), shown
 
 
