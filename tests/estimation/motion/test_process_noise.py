@@ -18,6 +18,7 @@ from swimbladder.estimation.motion.process_noise import fit_process_noise, highe
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import campaign as pool_campaign
+from tests.estimation.motion.pool import trace
 from tests.quoted import refused
 
 VEHICLE = load_vehicle("feup-em")
@@ -244,3 +245,19 @@ def test_a_model_of_an_unstable_vehicle_does_not_pass_for_one_that_follows():
     log = Log(source="x", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
     found = identify([log], VEHICLE, profiles=False, choices=False)
     assert not found.identified
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_drift_that_is_assumed_is_in_the_intervals(seed):
+    """What no random walk shows still shifts psi: as much as the prior of the drift allows."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
+    volume = rng.normal(0.0, 20e-6, len(time) // 40 + 1).repeat(40)[: len(time)]
+    drift = 0.15e-6 / 60.0 * (1.0 - 2.0 * (seed % 2))
+    truth = {"m": 44.0, "k_dl": 1.2, "psi": -2e-6}
+    depth = trace(time, volume - drift * time, z0=20.0, V0=4e-5, **truth)
+    arrays = {"volume": volume, "depth": depth + 2e-3 * rng.normal(size=len(time))}
+    log = Log(source="x", time=time, line=np.arange(len(time)), volume_absolute=True, **arrays)
+    quick = {"process_noise": "always", "profiles": False, "choices": False}
+    found = identify([log], VEHICLE, **quick).parameters["psi"]
+    assert abs(found.value - truth["psi"]) < 3.0 * found.std
+    assert found.std < 0.2e-6

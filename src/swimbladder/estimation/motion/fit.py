@@ -201,11 +201,10 @@ def fit(problem: Problem, near: list[Array] | None = None) -> Fit:
     return finish(problem, _best_of(problem, starts)[1])
 
 
-def followed(problem: Problem, begin: Array, noise: float, height: float | None) -> Array | None:
-    """Return x where the model follows the records from their starts on, with no more than a noise.
+def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float] | None:
+    """Return x where the model follows the records from their starts on, and how likely it is.
 
-    begin: near which it is sought; noise [m]: of the depth. height: log likelihood with process
-    noise that is significant, else None. None where the model does not follow, or that is likelier.
+    begin: near which it is sought; noise [m]: of the depth. None where the residual is more.
     """
     found = (_solve(problem, x, rounds=_FEW_ROUNDS) for x in _begins(problem, [begin]))
     objective, x, left = min(found, key=lambda one: one[0])
@@ -213,7 +212,7 @@ def followed(problem: Problem, begin: Array, noise: float, height: float | None)
     if behind > _BEHIND + _OF_EACH * len(left):
         return None
     own = -0.5 * (objective + problem.rows[-1] * math.log(2.0 * math.pi))
-    return x if height is None or own - height > _OWN_NUMBERS * len(left) else None
+    return x, own - _OWN_NUMBERS * len(left)
 
 
 def _best_of(problem: Problem, starts: list[Array]) -> Found:

@@ -14,6 +14,7 @@ The covariance of a fit is from information, and from the scatter of the scores 
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import pairwise
@@ -29,6 +30,7 @@ from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filte
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
 from swimbladder.estimation.motion.fit import inverse_of, regression
 from swimbladder.estimation.motion.problem import (
+    DELAY,
     DEPTH,
     DRIFT,
     NAMES,
@@ -37,7 +39,7 @@ from swimbladder.estimation.motion.problem import (
     Experiment,
     Problem,
 )
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Array, Index, Mask
 from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
 
@@ -114,7 +116,8 @@ class Likelihood:
         self.quantities, self.values = tuple(quantities), {**none, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
-        self.speed_std = problem.speed_std
+        self.speed_std, self.drift_std = problem.speed_std, problem.drift_std
+        self.drift = 0.0  # m3/s, of the neutral volumes
         nothing = _SHARE * (stroke.maximum - stroke.minimum)
         self.neutral_std = problem.neutral_std if self.known else nothing
         self.records = tuple(e.record for e in problem.experiments)
@@ -172,6 +175,7 @@ class Likelihood:
         for i, stretch in enumerate(self.samples):
             record = self.records[self.record[i]]
             s, rows = self._late(stretch, record, values[_DELAY.name])
+            s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
             gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
             if record.warmth is not None and adds_warmth(record, gain, lag):
                 more = more_warmth(record, gain, lag)
@@ -253,14 +257,28 @@ class Likelihood:
         the sum of de de'/S + dS dS'/(2 S^2). central: differences to both sides. Where the filter
         starts anew elsewhere than a step aside, the likelihood jumps between, which is no slope.
         """
+        slopes, de, dS = (part[:, : len(x)] for part in self._slopes(x, central=central))
+        parts = [(de[a:b], dS[a:b]) for a, b in pairwise(self.ends)]
+        return slopes, np.sum([e.T @ e + 0.5 * s.T @ s for e, s in parts], axis=0)
+
+    def _slopes(self, x: Array, *, central: bool) -> tuple[Array, Array, Array]:
+        """Return the slopes of every sample's log likelihood, innovation and variance, the last
+        two in deviations and shares: by each entry of x, then by the drift of its record's neutral
+        volume, in deviations of its prior, where there is one.
+        """
         here, began = self._along(x)
-        slopes = np.zeros((*here.shape, len(x)))
-        for i, h in enumerate(_STEP * np.eye(len(x))):
+        steps = [(self, h) for h in _STEP * np.eye(len(x))]
+        if self.drift_std > 0.0:
+            drifting = copy(self)
+            drifting.drift = _STEP * self.drift_std
+            steps.append((drifting, np.zeros(len(x))))
+        slopes = np.zeros((*here.shape, len(steps)))
+        for i, (way, h) in enumerate(steps):
             total, sides = np.zeros_like(here), np.zeros(here.shape[1])
             for sign in (1.0, -1.0):
-                if sign < 0.0 and not central and sides.all():
+                if sign < 0.0 and (i == len(x) or (not central and sides.all())):
                     break  # the other side is needed only where the likelihood jumps
-                there, again = self._along(x + sign * h)
+                there, again = way._along(x + sign * h)
                 same = (again == began) & np.isfinite(there).all(axis=0)
                 total += np.where(same, sign * (there - here), 0.0)
                 sides += same
@@ -268,9 +286,7 @@ class Likelihood:
         e, S, _ = here[..., None]
         believed = np.abs(e) <= GATE * np.sqrt(S)
         de = np.where(believed, slopes[0] / np.sqrt(S), 0.0)
-        dS = np.where(believed, slopes[1] / S, 0.0)
-        parts = [(de[a:b], dS[a:b]) for a, b in pairwise(self.ends)]
-        return slopes[2], np.sum([e.T @ e + 0.5 * s.T @ s for e, s in parts], axis=0)
+        return slopes[2], de, np.where(believed, slopes[1] / S, 0.0)
 
 
 def _restarts(run: Filtered) -> Array:
@@ -325,7 +341,8 @@ def covariance(full: Likelihood, x: Array) -> Array:
 
     The scores are summed over whole records where there are enough of them, which allows for
     records that differ, else over blocks of 20 s. Where there are too few of these too, and where
-    the scatter is smaller than the information says, the information stands. A quantity whose
+    the scatter is smaller than the information says, the information stands. What a drift of
+    each neutral volume would shift is added. A quantity whose
     logarithm is not identifiable, as of a random walk of 0, has an infinite variance and no part
     in the others'. Along a combination of which nothing is known the variance is huge.
     """
@@ -333,7 +350,7 @@ def covariance(full: Likelihood, x: Array) -> Array:
     H = H + np.diag(full.prior_slope(x)[1])
     known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
     C = np.diag(np.full(len(x), np.inf))
-    bread = inverse_of(H[np.ix_(known, known)], _SINGULAR)
+    bread = inverse = inverse_of(H[np.ix_(known, known)], _SINGULAR)
     blocks = _blocks(full, len(x))
     if blocks is not None:
         sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)
@@ -343,8 +360,23 @@ def covariance(full: Likelihood, x: Array) -> Array:
         if (ratio > 1.0).any():
             grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
             bread = sandwich * np.outer(grow, grow)
+    if full.drift_std > 0.0:
+        shift, square = _by_drifts(full, x, inverse, known)
+        bread = bread + (shift * square) @ shift.T
     C[np.ix_(known, known)] = bread
     return C
+
+
+def _by_drifts(full: Likelihood, x: Array, inverse: Array, known: Mask) -> tuple[Array, Array]:
+    """Return what each record's drift, one deviation of its prior, shifts [quantities, records],
+    and its mean square given the data, in squares of that deviation.
+    """
+    slopes, de, _ = full._slopes(x, central=True)
+    each = partial(np.bincount, full.record_of_samples)
+    cross = np.stack([each(column * de[:, -1]) for column in de[:, :-1][:, known].T])
+    shift = inverse @ cross
+    left = np.maximum(1.0 + each(de[:, -1] ** 2) - (cross * shift).sum(axis=0), 1.0)
+    return shift, 1.0 / left + (each(slopes[:, -1]) / left) ** 2
 
 
 def _blocks(full: Likelihood, quantities: int) -> Index | None:
@@ -553,12 +585,27 @@ def highest_with_noise(
     others = [q for q in NOISES if q.name not in absent] + _nuisances(problem)
     full = likelihood([*(_quantity(name, problem) for name in problem.names), *others], held)
     x, best = _highest(full, _begins(full, problem))
+    return _tested(Highest(problem, full, x, best, 1.0, 1.0, likelihood, absent))
+
+
+def _tested(at: Highest) -> Highest:
+    """Return where the likelihood is highest with the evidence for the noises there."""
+    full, x, best, likelihood = at.full, at.x, at.height, at.likelihood
     less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
     if max(height for _, height in less) > best + _SAME:  # a search had ended on a lesser hill
         x, best = _highest(full, [x, *(place for place, _ in less)])
         less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
     chances = [_chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)]
-    return Highest(problem, full, x, best, chances[0], chances[1], likelihood, absent)
+    return at._replace(x=x, height=best, p_value=chances[0], p_any=chances[1])
+
+
+def raised(at: Highest, near: Array) -> Highest:
+    """Return where the likelihood is highest, or higher beside x of a fit without process noise."""
+    problem, full = at.problem, at.full
+    traces = {name: _NO_MORE * at.values[name] for name in ("random_walk", "acceleration")}
+    values = {**problem.named(near), _DELAY.name: float(near[problem.delay_at]) * DELAY}
+    x, height = _highest(full, [full.within(full.begin({**at.values, **values, **traces}))])
+    return _tested(at._replace(x=x, height=height)) if height > at.height + _SAME else at
 
 
 def _nuisances(problem: Problem) -> list[Quantity]:
@@ -637,6 +684,7 @@ def height_of(problem: Problem, vehicle: Vehicle, begins: Sequence[Mapping[str, 
     return Height(full.named(x), height, *np.concatenate(parts, axis=1))
 
 
+_NO_MORE = 1e-3  # of a noise, as good as none
 _TRACE = 3.0  # of a logarithm: a twentieth of a noise is as good as none
 _ANY = ("random_walk", "acceleration", "correlated", "correlation_time")
 

@@ -56,6 +56,7 @@ from swimbladder.estimation.motion.process_noise import (
     described,
     fit_process_noise,
     highest_with_noise,
+    raised,
     with_heat,
 )
 from swimbladder.estimation.motion.process_noise_result import with_process_noise
@@ -468,16 +469,17 @@ def _answer(
     near: Array | None = None
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
         best = highest_with_noise(problem, vehicle)
-        noise = best.depth_noise
+        found = followed(problem, best.begin(), best.depth_noise)
         if asked.process_noise == "never":
-            near = followed(problem, best.begin(), noise, None)
-            near = best.begin() if near is None else near
-        elif asked.process_noise == "auto":
+            near = best.begin() if found is None else found[0]
+        elif found is not None:
+            best = raised(best, found[0])
             # A filter of an unstable motion corrects itself at every sample, and follows with its
             # own noise alone what the vehicle does not do by itself. And a drift that goes on
             # evenly looks like a random walk.
-            significant = best.significant and noise >= _NO_SENSORS
-            near = followed(problem, best.begin(), noise, best.height if significant else None)
+            significant = best.significant and best.depth_noise >= _NO_SENSORS
+            if asked.process_noise == "auto" and not (significant and best.height > found[1]):
+                near = found[0]
         if near is None:
             report(0.9)
             said = assumptions(problem, vehicle)
