@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import swimbladder as sb
+from studies.benches import Motor, random_moves
 from swimbladder.io.given import accepting, units_of
 from swimbladder.units import parse_quantity
 
@@ -102,6 +103,14 @@ def test_files_are_read_by_their_names(tmp_path):
     by_name = sb.compare(path, tmp_path / "v.toml", drive="volume")
     by_log = sb.compare(sb.read_log(path), VEHICLE, drive="volume")
     assert by_name.to_dict() == by_log.to_dict()
+
+
+def test_the_log_of_an_actuator_needs_no_depth(tmp_path):
+    log, path = random_moves(np.random.default_rng(4), Motor()), tmp_path / "bench.csv"
+    rows = [f"{time},{x}" for time, x in zip(log.time, log.piston, strict=True)]
+    path.write_text("\n".join(["time_s,piston_m", *rows]), encoding="utf-8")
+    rate = sb.identify_actuator(path).parameters["rate"].value
+    assert rate == pytest.approx(sb.identify_actuator([log]).parameters["rate"].value)
 
 
 def test_one_log_need_not_be_a_list(tmp_path):

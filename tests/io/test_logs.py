@@ -305,7 +305,25 @@ def test_a_mission_of_a_real_float(data_dir: Path) -> None:
     assert log.reference_depth is not None
     assert set(log.reference_depth) == {0.5, 1.35}
     assert "`where=" in str(refused(path, log_format="ntnu-bv"))
-    assert "t_s" in str(refused(path))
+    assert "`where=" in str(refused(path))
+    known = read_log(path, where={"log": 47})
+    assert np.array_equal(known.depth, log.depth)
+
+
+def test_a_shipped_format_is_known_by_its_columns(tmp_path: Path) -> None:
+    header = "t_s,depth_raw_m,piston_position_m,target_depth_m"
+    rows = [f"{0.5 * n},{1.0 + 0.01 * n},{0.02 + 0.0001 * n},1.35" for n in range(40)]
+    path = tmp_path / "mission.csv"
+    path.write_text("\n".join([header, *rows]), encoding="utf-8")
+    known, named = read_log(path), read_log(path, log_format="ntnu-bv")
+    assert np.array_equal(known.depth, named.depth)
+    assert known.piston is not None
+    assert named.piston is not None
+    assert np.array_equal(known.piston, named.piston)
+    assert known.report == (
+        "its columns are those of the log format ntnu-bv, and read so",
+        *named.report,
+    )
 
 
 def test_columns_that_say_what_they_are_are_taken_and_the_others_proposed(tmp_path):

@@ -114,7 +114,7 @@ class LogReading(Options):
         """
         from swimbladder.io.columns import NOT_READ, TAKEN
         from swimbladder.io.log_format import LogFormat
-        from swimbladder.io.logs import read_log
+        from swimbladder.io.logs import read_log, shipped_format
 
         columns, said, known = self.mapped, list[str](), None
         if self.format_name is None:
@@ -146,6 +146,7 @@ def vehicle_of(logs: Sequence[Chosen], given: str | None) -> str:
 
     Raises InputError where there is none.
     """
+    from swimbladder.io.logs import shipped_format
     from swimbladder.io.presets import preset_names
 
     if given is not None:
@@ -159,23 +160,6 @@ def vehicle_of(logs: Sequence[Chosen], given: str | None) -> str:
         raise InputError(why, field="--vehicle", remedy=remedy)
     aside(f"the logs are in the format of {name}: --vehicle {name}")
     return str(name)
-
-
-def shipped_format(path: Path, required: Collection[str]) -> str | None:
-    """Return the name of the one shipped log format whose columns a log has; None: not needed."""
-    from swimbladder.io.log_format import log_format
-    from swimbladder.io.log_formats import FORMATS
-    from swimbladder.io.logs import header_names
-
-    header = set(header_names(path))
-    if set(required) <= header:
-        return None
-    fitting = []
-    for name in FORMATS.own:
-        mapped = log_format(name).columns.mapped().values()
-        if mapped and {column.name for column in mapped} <= header:
-            fitting.append(name)
-    return fitting[0] if len(fitting) == 1 else None
 
 
 def _of_its_kind(error: LogError, path: Path, vehicle: Vehicle | None) -> LogError:

@@ -93,7 +93,7 @@ def _takers(function: Callable[..., Any]) -> dict[str, _Taker]:
             continue
         if (type_name := next((word for word in _LOADED_BY if word in words), None)) is not None:
             water = _water(_STEP.get(function.__name__, 0.1))
-            reader = water if type_name == "Column" else _reader(type_name)
+            reader = water if type_name == "Column" else _reader(type_name, function.__name__)
             found[name] = _several(reader) if "Sequence" in words else reader
         elif "float" in words and not {"ArrayLike", "NDArray"} & words:
             numbers = [_number(unit) for unit in _units(function).get(name, [""])]
@@ -174,15 +174,16 @@ def _water(step: float) -> _Taker:
     return take
 
 
-def _reader(type_name: str) -> _Taker:
+def _reader(type_name: str, function: str = "") -> _Taker:
     """Return what reads a file where its name is given, and refuses what is of another type."""
     home, load = _LOADED_BY[type_name]
+    how = {"required": ("time_s",)} if (type_name, function) == ("Log", "identify_actuator") else {}
 
     def take(value: Any, name: str) -> Any:
         if value is None or any(base.__name__ == type_name for base in type(value).__mro__):
             return value
         if isinstance(value, str | Path) or (load.startswith("read_") and is_frame(value)):
-            return getattr(import_module(home), load)(value)
+            return getattr(import_module(home), load)(value, **how)
         remedy = f"Give what {load} returns, or the name of its file"
         raise InputError(f"no {type_name}", field=name, value=value, remedy=remedy)
 

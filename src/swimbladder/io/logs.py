@@ -11,6 +11,7 @@ Depth may also come from pressure, or from a logger with another water, another 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.errors import InputError
 from swimbladder.io.columns import (
     Mapped,
     check_columns,
@@ -29,7 +31,16 @@ from swimbladder.io.columns import (
     wanted_names,
 )
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
-from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
+from swimbladder.io.log_format import (
+    COLUMNS,
+    LogColumn,
+    LogFormat,
+    format_of,
+)
+from swimbladder.io.log_format import (
+    log_format as shipped,
+)
+from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.log_rows import Sheet, open_sheet
 from swimbladder.io.log_table import Table, TimeColumn, read_table
 from swimbladder.io.log_text import LogFile, counted
@@ -205,7 +216,7 @@ def read_log(
         {"log": 47} keeps the rows that hold it; none: those that the log format keeps.
     log_format
         A `LogFormat`, its fields, a shipped one's name or a TOML file with a ``[log]`` table; none:
-        the usual.
+        the usual, or the shipped one whose columns the file has.
     required
         The columns without which a log is refused, beside ``time_s``; rows without them, and
         repeated ones, are dropped and reported.
@@ -220,7 +231,13 @@ def read_log(
     LogError
         An InputError: the file is no such log; with file, line, column, value and remedy.
     """
-    file = LogFile.of(path, format_of(log_format))
+    known = None
+    if log_format is None and isinstance(path, str | Path):
+        with suppress(InputError):  # said when it is read
+            known = shipped_format(path, {*required} - {*(columns or {})})
+    file = LogFile.of(path, format_of(log_format if known is None else known))
+    if known is not None:
+        file.report.append(f"its columns are those of the log format {known}, and read so")
     chosen = {**file.form.where, **(where or {})}
     mapped = {**file.form.columns.mapped(), **(columns or {})}
     check_columns(file, (*mapped, *required), COLUMNS, "a log")
@@ -237,6 +254,19 @@ def header_names(path: str | Path) -> list[str]:
     Raises LogError where there is none.
     """
     return open_sheet(LogFile.of(path, LogFormat())).header
+
+
+def shipped_format(path: str | Path, required: Collection[str]) -> str | None:
+    """Return the name of the one shipped log format whose columns a log has; None: not needed."""
+    header = set(header_names(path))
+    if set(required) <= header:
+        return None
+    fitting = []
+    for name in FORMATS.own:
+        mapped = shipped(name).columns.mapped().values()
+        if mapped and {column.name for column in mapped} <= header:
+            fitting.append(name)
+    return fitting[0] if len(fitting) == 1 else None
 
 
 def _depth_source(names: set[str], mapped: set[str], file: LogFile) -> str | None:

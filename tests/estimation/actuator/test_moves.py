@@ -49,6 +49,16 @@ def test_rate_and_time_constant_without_a_voltage():
     assert all(step.start > 0 for step in found.steps)
 
 
+@pytest.mark.parametrize(("period", "size"), [(200.0, 0.01), (400.0, 0.02)])
+def test_a_piston_that_swings_slowly_has_no_time_constant(period, size):
+    """No move comes to full speed; a tenth of a million seconds fitted best, "known to 37 %"."""
+    time = np.arange(0.0, 400.0, 0.5)
+    found = identify_actuator([log_of(time, size * np.sin(2.0 * np.pi * time / period))])
+    assert "too short to show" in found.parameters["T1"].why
+    for step in found.steps:
+        assert np.array_equal(step.time, np.unique(step.time))
+
+
 def test_one_direction_only():
     log = random_moves(np.random.default_rng(4), MOTOR)
     end = int(np.argmin(np.diff(log.piston) > -0.5 * OUT * (log.time[1] - log.time[0]))) - 2

@@ -438,9 +438,9 @@ class _Fit:
             why += f"below {bound:.3g} s with a confidence of 95 %"
             return Estimate.bounded(0.0, bound, "s", why)
         std = math.sqrt(inflation / max(information, 1e-12))
-        if std > 1.0:
-            return Estimate.unknown("s", _TOO_SHORT)
         T1 = math.exp(self.best[0])
+        if std > 1.0 or max(float(w.time[-1]) for w in self.windows) < T1:
+            return Estimate.unknown("s", _TOO_SHORT)
         return Estimate.of(T1, T1 * std, "s", reach=student(df) * T1 * std, logarithmic=True)
 
     def _information(self) -> tuple[float, float, float]:
@@ -574,7 +574,7 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
 
 def _step(bench: Bench, move: Move, rate: Rate, start: tuple[Index, Array] | None) -> Step:
     """Return a move with its fit: of the start where there is one, then of the speed."""
-    first = move.first if start is None else int(start[0][0])
+    first = move.first if start is None else min(move.first, int(start[0][0]))
     samples = np.arange(first, move.last + 1)
     fitted = np.full(len(samples), np.nan)
     used = np.ones(len(samples), bool)
