@@ -9,7 +9,7 @@ from swimbladder import paper as package
 from swimbladder.cli import main
 from swimbladder.paper.evidence import gather
 from swimbladder.paper.verdict import claim
-from swimbladder.show import files
+from swimbladder.show import static
 from tests.few_lines import few
 
 
@@ -19,7 +19,7 @@ def gathered_once():
     with pytest.MonkeyPatch.context() as patch:
         once = functools.cache(gather)
         patch.setattr(package, "gather", lambda seed, _: once(seed))
-        patch.setattr(files, "save", lambda _figure, path: path)
+        patch.setattr(static, "save", lambda _figure, path: path)
         yield
 
 

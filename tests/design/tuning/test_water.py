@@ -129,7 +129,7 @@ def test_the_commands_have_the_options_of_a_cast(command, lake, tmp_path, capsys
     assert main([*command, "--salinity", "0", *place]) == 2
     assert "--cast" in capsys.readouterr().err
     cast = ["--cast", str(lake), "--salinity", "0"]
-    assert main([*command, *cast, "--depth", "0:20 m", *place]) == 2
+    assert main([*command, *cast, "--depth-range", "0:20 m", *place]) == 2
     assert "lake.csv ends at 15 m" in " ".join(capsys.readouterr().err.split())
 
 
