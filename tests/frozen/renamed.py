@@ -46,7 +46,7 @@ KEYS: dict[str, str] = {
     "identify: between": "random_effects",
     "neutral_walk": "random_walk",
     "tune: knobs": "tuning",
-    "compare-laws: left_out": "not_compared",
+    "bench-control: left_out": "not_compared",
     "events_left_out": "events_omitted",
 }
 

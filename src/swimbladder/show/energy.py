@@ -84,7 +84,7 @@ def _map(panel: Panel, found: DriveEnergy) -> None:
     hexes = [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in zip(*parts, strict=True)]
     panel.cells(100.0 * shares, found.column.depth[some], kinds, hexes)
     panel.x, panel.grid = "share of the full voltage [%]", ""
-    panel.title = f"efficiency, 0 (dark) to {step * count:.2g} (bright)"
+    panel.title = f"efficiency, 0 to {step * count:.2g}"
 
 
 _ACROSS = 81  # columns of the map, and rows
