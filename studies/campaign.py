@@ -20,6 +20,7 @@ from swimbladder.io.logs import Log
 from swimbladder.vehicle import Drag, IdentifiedMotion, PhysicalMotion, Vehicle
 
 __all__ = ["arguments", "logs", "outcome", "vehicle"]
+_DISPLACED = 0.75  # of the mass that is accelerated: the rest is water that moves along
 
 
 def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False) -> dict[str, Any]:
@@ -43,7 +44,7 @@ def outcome(scenario: Scenario, *, seed: int, index: int, profiles: bool = False
     try:
         answer = identify(
             logs(campaign.kept),
-            vehicle(scenario, campaign.guess),
+            vehicle(scenario, campaign),
             **arguments(scenario, campaign),
             profiles=profiles,
         )
@@ -83,6 +84,8 @@ def arguments(scenario: Scenario, campaign: Campaign) -> dict[str, Any]:
         "free": scenario.names,
         "drag": scenario.drag,
         "neutral_std": NEUTRAL_STD,
+        "drift_std": 0.0,  # as the campaigns are drawn, and as the bound has it
+        "delay_std": 0.0,
         "choices": False,
     }
     psi = campaign.guess["psi"]
@@ -108,8 +111,9 @@ def logs(kept: tuple[Kept, ...]) -> list[Log]:
     ]
 
 
-def vehicle(scenario: Scenario, guess: Mapping[str, float]) -> Vehicle:
-    """Return the vehicle that the experimenter believes to have."""
+def vehicle(scenario: Scenario, campaign: Campaign) -> Vehicle:
+    """Return the vehicle that the experimenter believes to have, its hull measured."""
+    guess, truth = campaign.guess, campaign.truth
     paper = load_vehicle("feup-em")
     motion: IdentifiedMotion | PhysicalMotion
     if scenario.drag == "linear":
@@ -125,8 +129,8 @@ def vehicle(scenario: Scenario, guess: Mapping[str, float]) -> Vehicle:
             drag=Drag(law="blended", k_dl=k_dl, k_dt=guess["drag_quadratic"]),
         )
     update = {"psi": guess["psi"]}
-    if scenario.random:  # of another mass than the paper's: it displaces about as much
-        mass = guess["mass"] if "mass" in guess else guess["T2"] * K_B / guess["K2"]
-        update["displaced_volume"] = mass / DENSITY
+    if scenario.random:  # of another mass than the paper's: it displaces less than is accelerated
+        mass = truth["mass"] if "mass" in truth else truth["T2"] * K_B / truth["K2"]
+        update["displaced_volume"] = _DISPLACED * mass / DENSITY
     hull = paper.hull.model_copy(update=update)
     return paper.model_copy(update={"motion": motion, "hull": hull})
