@@ -182,6 +182,14 @@ def parse_quantity(value: object, unit: str) -> float:
     return number
 
 
+def quantity(value: object, unit: str, field: str) -> float:
+    """Return `parse_quantity`; an InputError names the field, or the option, that holds it."""
+    try:
+        return parse_quantity(value, unit)
+    except UnitError as error:
+        raise error.at(field=field) from None
+
+
 @lru_cache(maxsize=1024)
 def _number(text: str, unit: str, how: str) -> float:
     match = _NUMBER.match(text) if len(text) <= _LONGEST else None
@@ -246,10 +254,7 @@ def read_numbers(record: Any) -> None:
 def _read(value: Any, about: Field[Any]) -> Any:
     if not isinstance(value, str) or "unit" not in about.metadata:
         return value
-    try:
-        return parse_quantity(value, about.metadata["unit"])
-    except UnitError as error:
-        raise error.at(field=about.name) from None
+    return quantity(value, about.metadata["unit"], about.name)
 
 
 def unit_of(text: str) -> str:

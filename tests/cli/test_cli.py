@@ -16,6 +16,7 @@ import typer
 from swimbladder import __version__, cli
 from swimbladder.cli import COMMANDS, GROUPS, common, main
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.units import quantity
 
 HEAVY = ("scipy", "pandas", "xarray", "matplotlib", "control", "numba", "numpy", "pydantic")
 
@@ -239,6 +240,6 @@ def test_progress_shows_a_bar_on_a_terminal_once_it_takes_long(monkeypatch):
 
 
 def test_a_quantity_of_an_option_takes_a_unit_and_names_the_option():
-    assert common.quantity("150 cm", "m", "--start") == 1.5
+    assert quantity("150 cm", "m", "--start") == 1.5
     with pytest.raises(InputError, match=r"^--start: .*Give it in m\.$"):
-        common.quantity("3 s", "m", "--start")
+        quantity("3 s", "m", "--start")

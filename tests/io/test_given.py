@@ -154,6 +154,11 @@ def test_one_log_need_not_be_a_list(tmp_path):
         (lambda: sb.simulate(VEHICLE, **{**STEP, "setpoints": [3]}), "setpoints[0]: not two numb"),
         (lambda: sb.simulate(VEHICLE, **{**STEP, "setpoints": 3}), "setpoints: not a list (got 3)"),
         (lambda: sb.design_experiment(VEHICLE, bottom_depth=4.5, against=["x"]), "against[0]"),
+        (
+            lambda: sb.design_experiment(VEHICLE, bottom_depth=4.5, priors={"psi": 3}),
+            'Write it as `priors={"psi": "MEAN +- STD m3/m"}`',
+        ),
+        (lambda: sb.simulate(VEHICLE, bottom_depth=2.0), "step: the depth is below the bottom"),
         (lambda: sb.ballast("example-float", ["c.csv"]), "c.csv, file: there is no such file"),
         (lambda: sb.ballast("example-float", [3]), "casts[0]: no Cast (got 3). Give what read_c"),
         (lambda: sb.mission("example-float", "m.toml"), "m.toml, file: there is no such file"),

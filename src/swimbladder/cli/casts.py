@@ -13,11 +13,12 @@ from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from swimbladder.cli.common import aside, progress, quantity, said_as_typed
+from swimbladder.cli.common import aside, progress, said_as_typed
 from swimbladder.cli.logs import selections
 from swimbladder.cli.options import Options, valued
 from swimbladder.cli.texts import Given, Several
 from swimbladder.errors import InputError
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater import Cast, Column

@@ -22,7 +22,6 @@ from swimbladder.io.answers import json_text
 from swimbladder.io.progress import Advance, silent
 from swimbladder.show.parts import Part
 from swimbladder.show.text import LINES, Output, rows_of, shortened, text_lines
-from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     from swimbladder.io.mission import Mission
@@ -167,17 +166,6 @@ def kept(folder: Path) -> Iterator[None]:
         else:
             shutil.rmtree(folder, ignore_errors=True)
         raise
-
-
-def quantity(text: str, unit: str, option: str) -> float:
-    """Return the text given to `option`, a number or a number with a unit, as a float in `unit`.
-
-    Raises InputError naming the option.
-    """
-    try:
-        return parse_quantity(text, unit)
-    except InputError as error:
-        raise error.at(field=option) from None
 
 
 @contextlib.contextmanager

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swimbladder.cli.casts import LogCasts
-from swimbladder.cli.common import aside, quantity, working
+from swimbladder.cli.common import aside, working
 from swimbladder.cli.logs import Chosen, LogReading, LogVehicle, vehicle_of
 from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, loaded, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison import Comparison

@@ -4,17 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from swimbladder.cli.common import quantity, working
+from swimbladder.cli.common import working
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
-from swimbladder.units import unit_of, with_one_unit
-
-if TYPE_CHECKING:
-    pass
+from swimbladder.units import quantity, unit_of, with_one_unit
 
 
 def _against(text: str, option: str) -> tuple[float, ...] | None:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import quantity, working
+from swimbladder.cli.common import working
 from swimbladder.cli.options import Files, Golden, Options, TimeLimit, VehicleName, grouped, valued
 from swimbladder.cli.texts import Given
 from swimbladder.errors import InputError
-from swimbladder.units import with_one_unit
+from swimbladder.units import quantity, with_one_unit
 
 if TYPE_CHECKING:
     from swimbladder.codegen.pool import PoolOptions
@@ -74,8 +74,7 @@ def firmware(
     v = limit.flashed(vehicle)
     _check_law(v, law)
     options, asked = pool.options(), golden.given()
-    named = {"setpoints[0].depth": "step", "start_depth": "step"}
-    with golden.said_as_typed(**named), working("flying the golden trace") as advance:
+    with working("flying the golden trace") as advance:
         from swimbladder.codegen.library import firmware as make
 
         made = make(v, **asked, pool=options, advance=advance)

@@ -9,13 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import (
-    progress,
-    quantity,
-)
+from swimbladder.cli.common import progress
 from swimbladder.cli.logs import LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, grouped, loaded, valued
 from swimbladder.cli.texts import Given, Several, pair
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     pass

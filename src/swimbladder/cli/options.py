@@ -22,7 +22,6 @@ from swimbladder.cli.common import (
     aside,
     emit_json,
     progress,
-    quantity,
     said_as_typed,
     show_answer,
     typed_command,
@@ -31,6 +30,7 @@ from swimbladder.cli.texts import Given, depth_pair, names, pairs
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer
 from swimbladder.show.parts import Part, Shown
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle

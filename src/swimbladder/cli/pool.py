@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swimbladder.cli.common import aside, compile_notice, console, progress, quantity
+from swimbladder.cli.common import aside, compile_notice, console, progress
 from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, loaded, valued
 from swimbladder.cli.pool_view import View
 from swimbladder.cli.settings import Sought, deviation
 from swimbladder.cli.texts import Given, Several, pair
 from swimbladder.errors import InputError, SwimbladderError, UnitError
-from swimbladder.units import parse_quantity
+from swimbladder.units import parse_quantity, quantity
 
 if TYPE_CHECKING:
     from swimbladder.design.plan import Plan

@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from swimbladder.cli.common import quantity
 from swimbladder.cli.options import Options, valued
 from swimbladder.cli.texts import Given, Several
+from swimbladder.units import quantity
 
 
 @dataclass(frozen=True)

@@ -95,15 +95,15 @@ def simulate(
     task = _mission(v, mission, step)
     casts = reading.casts()
     warn_of_mass(v)
-    named = {"setpoints[0].depth": "step", "start_depth": "step"}
-    with step.said_as_typed(**named) if mission is None else asked_of(mission, task):
+    given = step.given() if mission is None else {"mission": task}
+    with contextlib.nullcontext() if mission is None else asked_of(mission, task):
         reach, medium = max([task.start_depth, *(depth for _, depth in task.pairs)]), None
         water = water_of_cast(casts, reach, v.hull.depth_limit)
         if water is not None:
             from swimbladder.sim.closed_loop.water import medium_of
 
             medium = medium_of(v, water, reach=reach)
-        s = _run(v, task, how, water)
+        s = _run(v, given, how, water)
     to.answer(_shown(s, task, water, [*_notes(s, water, medium), *_seed_unused(v, how.seed)], also))
 
 
@@ -164,8 +164,8 @@ def _seed_unused(vehicle: Vehicle, seed: int | None) -> list[Labelled]:
     return [Labelled("note", f"--seed {seed} changes nothing: {lacks}")]
 
 
-def _run(vehicle: Vehicle, task: Mission, how: How, column: Column | None) -> Solution:
-    """Simulate; say on stderr what is waited for."""
+def _run(vehicle: Vehicle, task: dict[str, Any], how: How, column: Column | None) -> Solution:
+    """Simulate a mission or a step; say on stderr what is waited for."""
     with progress("loading the simulator"):
         from swimbladder.sim.closed_loop import simulate as simulate_closed_loop
 
@@ -174,7 +174,7 @@ def _run(vehicle: Vehicle, task: Mission, how: How, column: Column | None) -> So
     with working("simulating") as advance, blas:
         return simulate_closed_loop(
             vehicle,
-            task,
+            **task,
             seed=how.seed,
             cast=column,
             supervised=how.supervised,

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from typing import TypeVar
 
-from swimbladder.cli.common import quantity
 from swimbladder.errors import InputError
-from swimbladder.units import with_one_unit
+from swimbladder.units import quantity, with_one_unit
 
 Given = str | None  # a text that need not be given
 Several = list[str] | None  # likewise, more than one

@@ -8,11 +8,12 @@ from typing import Annotated
 
 import typer
 
-from swimbladder.cli.common import console, quantity, typed_command
+from swimbladder.cli.common import console, typed_command
 from swimbladder.cli.options import Files, Printed, grouped
 from swimbladder.errors import InputError, check_number
 from swimbladder.show.parts import Table
 from swimbladder.show.text import rich_table
+from swimbladder.units import quantity
 
 vehicle = typer.Typer(no_args_is_help=True)
 

@@ -45,6 +45,7 @@ from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import InputError, Parameter
 from swimbladder.io.answers import Answer
 from swimbladder.io.files import check_place, publish
+from swimbladder.io.mission import of_step
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.floats import board_law
@@ -190,7 +191,8 @@ def firmware(
     asked = *(step or (None, None)), duration
     mission, made = plan_program(vehicle, asked, in_pool=pool is not None)
     drive = made.drive
-    golden = fly(vehicle, made, mission, seed, advance)
+    with of_step():
+        golden = fly(vehicle, made, mission, seed, advance)
     day = None if pool is None else plan_pool_day(vehicle, pool, made.supervisor, seed=seed)
     facts = made.facts | {
         "start": mission.start,

@@ -8,7 +8,7 @@ from swimbladder.control.law import Law, from_leaves, leaf_names, leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry
-from swimbladder.units import parse_quantity
+from swimbladder.units import quantity
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import did_you_mean
 
@@ -71,10 +71,7 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
         if name not in values:
             what, field = f"law {law.name!r} needs this parameter", f"{where}.{name}"
             raise InputError(what, field=field, unit=unit, remedy="Add it")
-        try:
-            numbers[name] = parse_quantity(values[name], unit)
-        except InputError as error:
-            raise error.at(field=f"{where}.{name}") from None
+        numbers[name] = quantity(values[name], unit, f"{where}.{name}")
     if "S_p" in leaf_names(law.parameters):
         numbers["S_p"] = sample_time
     return from_leaves(law.parameters, numbers)

@@ -14,7 +14,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.series import Array
 from swimbladder.io.answers import as_json
-from swimbladder.units import parse_quantity, unit_of, with_one_unit
+from swimbladder.units import parse_quantity, quantity, unit_of, with_one_unit
 from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -53,7 +53,7 @@ def read_priors(given: Mapping[str, Any] | None, units: Mapping[str, str]) -> di
         parts = _PLUS_MINUS.split(value) if isinstance(value, str) else value
         if isinstance(parts, float | int) or len(parts) != 2:
             what, unit = "a prior has a mean and a standard deviation", units[name]
-            how = f"""Write it as `priors={{"{name}": "MEAN +- STD {unit}".rstrip()}}`"""
+            how = f'Write it as `priors={{"{name}": "{f"MEAN +- STD {unit}".rstrip()}"}}`'
             field = f"priors[{name}]"
             raise InputError(what, field=field, value=value, unit=unit, remedy=how)
         mean, std = parts
@@ -72,10 +72,7 @@ def _quantity(value: Any, units: Mapping[str, str], option: str, name: str) -> f
     check_names([name], units, option, "there is no such parameter")
     if not isinstance(value, str):
         return float(value)
-    try:
-        return parse_quantity(value, units[name])
-    except InputError as error:
-        raise error.at(field=f"{option}[{name}]") from None
+    return quantity(value, units[name], f"{option}[{name}]")
 
 
 class Finding(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from swimbladder.errors import InputError
 from swimbladder.io.log_text import is_frame
-from swimbladder.units import parse_quantity, unit_factor, with_one_unit
+from swimbladder.units import quantity, unit_factor, with_one_unit
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -107,10 +107,7 @@ def _number(unit: str) -> _Taker:
 
     def take(value: Any, name: str) -> Any:
         if isinstance(value, str):
-            try:
-                return parse_quantity(value, unit)
-            except InputError as error:
-                raise error.at(field=name) from None
+            return quantity(value, unit, name)
         if value is not None and not hasattr(value, "__float__"):
             remedy = f'Give a number in {unit}, or a text like "1.5 {unit}"' if unit else "Give 0.1"
             raise InputError("not a number", field=name, value=value, unit=unit, remedy=remedy)

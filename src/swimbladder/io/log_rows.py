@@ -512,11 +512,13 @@ def column_of(series: Any) -> Column:
     return ["" if value is None else str(value) for value in series]
 
 
-def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
+def open_sheet(
+    file: LogFile, wanted: Sequence[Collection[str]] = (), *, head: bool = False
+) -> Sheet:
     """Return the table in a file, a DataFrame or a Dataset, its header read.
 
-    wanted: of each of these sets the header of a text has a name. Raises LogError where it cannot
-    be read or has no header.
+    wanted: of each of these sets the header of a text has a name. head: only the header is needed.
+    Raises LogError where it cannot be read or has no header.
     """
     if file.frame is not None:
         return frame_sheet(file)
@@ -528,4 +530,6 @@ def open_sheet(file: LogFile, wanted: Sequence[Collection[str]] = ()) -> Sheet:
     if Path(file.path).suffix == ".parquet":
         what = "this is not Parquet, or not all of it"
         raise file.refused(what, "Write the file anew; a CSV has another suffix", "file")
+    if head and b"\0" not in data[: 4 * _HEAD]:  # a byte is no line end in UTF-16
+        data = data[: data.rfind(b"\n", 0, 4 * _HEAD) + 1] or data
     return Rows(data, file, wanted)

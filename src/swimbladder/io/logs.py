@@ -31,15 +31,7 @@ from swimbladder.io.columns import (
     wanted_names,
 )
 from swimbladder.io.log_checks import find_gaps, in_order, suspects
-from swimbladder.io.log_format import (
-    COLUMNS,
-    LogColumn,
-    LogFormat,
-    format_of,
-)
-from swimbladder.io.log_format import (
-    log_format as shipped,
-)
+from swimbladder.io.log_format import COLUMNS, LogColumn, LogFormat, format_of
 from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.log_rows import Sheet, open_sheet
 from swimbladder.io.log_table import Table, TimeColumn, read_table
@@ -253,7 +245,7 @@ def header_names(path: str | Path) -> list[str]:
 
     Raises LogError where there is none.
     """
-    return open_sheet(LogFile.of(path, LogFormat())).header
+    return open_sheet(LogFile.of(path, LogFormat()), head=True).header
 
 
 def shipped_format(path: str | Path, required: Collection[str]) -> str | None:
@@ -263,7 +255,7 @@ def shipped_format(path: str | Path, required: Collection[str]) -> str | None:
         return None
     fitting = []
     for name in FORMATS.own:
-        mapped = shipped(name).columns.mapped().values()
+        mapped = format_of(name).columns.mapped().values()
         if mapped and {column.name for column in mapped} <= header:
             fitting.append(name)
     return fitting[0] if len(fitting) == 1 else None

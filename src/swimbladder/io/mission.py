@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -331,6 +333,18 @@ class Mission(Parameters):
             raise refusal(what, remedy, "setpoints", len(times) - 1, "time")
 
 
+@contextmanager
+def of_step(made: bool = True) -> Iterator[None]:
+    """Say `step` in InputErrors of the block for a set-point and a start, if a step made them."""
+    try:
+        yield
+    except InputError as error:
+        if not made or error.field not in ("setpoints[0].depth", "start_depth", "depth"):
+            raise
+        raise error.but(field="step") from None
+
+
+@of_step()
 def step_mission(
     vehicle: Vehicle,
     step: tuple[float, float] | None = None,
@@ -355,8 +369,8 @@ def step_mission(
     depth = min(_DIVE, 0.5 * deepest) if step is None else step[1]
     way = abs(depth - asked.setdefault("start_depth", 0.0))
     span = 3600.0 * (2.0 if step is None else 1.0) * math.ceil(way / _WAY + 1.0)
-    points = [Setpoint(time=0.0, depth=depth)]
+    span = asked.setdefault("duration", span)
+    points = (Setpoint(time=0.0, depth=depth), Setpoint(time=0.5 * span, depth=0.0))
     if step is None:
-        points.append(Setpoint(time=0.5 * asked.setdefault("duration", span), depth=0.0))
-    asked.setdefault("duration", span)
-    return Mission(name="dive" if step is None else "step", setpoints=tuple(points), **asked)
+        return Mission(name="dive", setpoints=points, **asked)
+    return Mission(name="step", setpoints=points[:1], **asked)

@@ -306,8 +306,8 @@ class Picture:
     def limits(self, panel: Panel, axis: Axis) -> tuple[float, float]:
         """Return the limits of an axis, of all panels that have the same."""
         first = self.leader(panel, axis)
-        found = [p.limits(axis) for p in self.panels if self.leader(p, axis) is first]
-        given = [getattr(p, f"{axis}lim") for p in self.panels if self.leader(p, axis) is first]
+        same = [p for p in self.panels if self.leader(p, axis) is first]
+        found, given = [p.limits(axis) for p in same], [getattr(p, f"{axis}lim") for p in same]
         ends = [min(low for low, _ in found), max(high for _, high in found)]
         for side in (0, 1):
             own = [one[side] for one in given if one[side] is not None]

@@ -80,11 +80,11 @@ class VehicleShown(Shown[Vehicle]):
 
 def _shown(value: Any, unit: str) -> tuple[str, str]:
     """Return a value as a person reads it, and its unit."""
+    shown = _RATES.get(unit, shown_unit(unit))
     if isinstance(value, (tuple, list)):
-        return ", ".join(_shown(one, unit)[0] for one in value), shown_unit(unit)
+        return ", ".join(_shown(one, unit)[0] for one in value), shown
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return str(value), unit
-    shown = _RATES.get(unit, shown_unit(unit))
     return rounded(value * unit_factor(unit, shown), _DIGITS), shown
 
 

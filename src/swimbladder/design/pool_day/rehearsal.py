@@ -165,12 +165,8 @@ class Operator:
             what = "its actuator does not take the commands of the believed vehicle"
             remedy = "Give one with the same kind of actuator"
             raise InputError(what, field="truth", value=truth.name, remedy=remedy)
-        self.believed, self.truth, self.bottom_depth, self.seed = (
-            believed,
-            truth,
-            bottom_depth,
-            seed,
-        )
+        self.believed, self.truth = believed, truth
+        self.bottom_depth, self.seed = bottom_depth, seed
         self._time, self._runs = 0.0, 0
         self._depth, self._speed = bottom_depth, 0.0
         neutral = truth.neutral_volume(bottom_depth)

@@ -162,9 +162,8 @@ def identify_actuator(
         remedy = "Leave `fixed=` out, or map voltage_V with `columns=`"
         raise InputError(what, field="fixed", value=", ".join(fixed), remedy=remedy)
     if required is None:
-        required = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}[
-            driven
-        ]
+        usual = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}
+        required = usual[driven]
         if vehicle is not None and vehicle.command == "volume":
             required = ("rate",)
         required = tuple(name for name in required if name not in fixed)

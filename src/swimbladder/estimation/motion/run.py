@@ -94,8 +94,7 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     The weights and the noise stay those of the fit. The deviance is scaled by how much wider
     autocorrelated residuals make the interval (the vertical adjustment of Chandler and Bate 2007).
     """
-    spread, plain, ratio = _across(fit, i)
-    naive = max(float(plain[i]), 1e-300)
+    spread, ridge, ratio = _across(fit, i)
     others = np.delete(np.arange(len(fit.x)), i)
     low, high = problem.bounds()
 
@@ -117,14 +116,13 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
 
     at_best, _ = held(fit.x[i], fit.x[others])
     entries, deviance = [fit.x[i]], [0.0]
-    ridge = plain[others] / naive
     for side in (-1.0, 1.0):
         x, before = fit.x[others], fit.x[i]
         for k in (*_AT, *_FURTHER):
             u = fit.x[i] + side * k * spread
             if not low[i] < u < high[i] or (k in _FURTHER and deviance[-1] > 1.2 * Z95**2):
                 break
-            cost, x = held(u, x + ridge * (u - before))
+            cost, x = held(u, x + ridge[others] * (u - before))
             before = u
             entries.append(u)
             deviance.append(max(cost - at_best, 0.0) * ratio)
@@ -136,9 +134,10 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
 
 
 def _across(fit: Fit, i: int) -> tuple[float, Array, float]:
-    """Return the deviation of entry i, how all entries go with it, and the deviance's scale."""
+    """Return the deviation of entry i, by how much all go with it, and the deviance's scale."""
     spread, plain = math.sqrt(fit.covariance[i, i]), inverse_of(fit.information)[:, i]
-    return spread, plain, max(float(plain[i]), 1e-300) / spread**2
+    naive = max(float(plain[i]), 1e-300)
+    return spread, plain / naive, naive / spread**2
 
 
 _BENT = 0.15  # of the deviance at the ends of an interval
@@ -149,10 +148,10 @@ def bent(problem: Problem, fit: Fit, i: int) -> bool:
 
     There the interval has to be that of the profile.
     """
-    spread, plain, ratio = _across(fit, i)
+    spread, ridge, ratio = _across(fit, i)
     best = problem.weighted(fit.x, fit.root)
     for side in (-Z95, Z95):
-        x = np.clip(fit.x + side * spread * plain / max(plain[i], 1e-300), *problem.bounds())
+        x = np.clip(fit.x + side * spread * ridge, *problem.bounds())
         rows = problem.weighted(x, fit.root)
         if not abs(ratio * float(rows @ rows - best @ best) / Z95**2 - 1.0) < _BENT:
             return True

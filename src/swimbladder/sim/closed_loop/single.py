@@ -6,8 +6,7 @@ said.
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from swimbladder.control.law import Law, Measurement, leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
 from swimbladder.errors import InputError, check_number
-from swimbladder.io.mission import Mission, step_mission
+from swimbladder.io.mission import Mission, of_step, step_mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.hull import check_mass
@@ -220,7 +219,7 @@ def simulate(
     asked = {"step": step, "setpoints": setpoints, "duration": duration}
     asked |= {"start_depth": start_depth, "bottom_depth": bottom_depth}
     task = _task(vehicle, mission, asked)
-    with _of_step(step):
+    with of_step(setpoints is None and mission is None):
         times, depths = check_setpoints(task.setpoints, task.duration, tick)
         reach = max(task.start_depth, *depths)
         medium = medium_of(vehicle, cast, reach=reach, bottom_depth=task.bottom_depth)
@@ -389,8 +388,7 @@ def _task(vehicle: Vehicle, mission: Mission | None, asked: dict[str, Any]) -> _
     for name in sorted(said.keys() & given):
         raise InputError(said[name], field=name, value=given[name], remedy="Leave one of them out")
     if "setpoints" not in given:
-        with _of_step(asked["step"]):
-            task = step_mission(vehicle, **given) if mission is None else mission
+        task = step_mission(vehicle, **given) if mission is None else mission
         return _Task(task.pairs, task.span, task.start_depth, task.bottom)
     for name, unit in (("duration", "s"), ("start_depth", "m")):
         if name not in given:
@@ -398,17 +396,6 @@ def _task(vehicle: Vehicle, mission: Mission | None, asked: dict[str, Any]) -> _
                 "with set-points it is needed", field=name, unit=unit, remedy="Give it"
             )
     return _Task(given["setpoints"], given["duration"], given["start_depth"], bottom)
-
-
-@contextmanager
-def _of_step(step: object) -> Iterator[None]:
-    """Say `step` in InputErrors of the block for the set-point and the start that it made."""
-    try:
-        yield
-    except InputError as error:
-        if step is None or error.field not in ("setpoints[0].depth", "start_depth", "depth"):
-            raise
-        raise error.but(field="step") from None
 
 
 def check_setpoints(
