@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from swimbladder.cli.casts import Casts, refuse_doubted_unit
 from swimbladder.cli.common import progress
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 from swimbladder.cli.texts import Given
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -14,9 +14,6 @@ from swimbladder.cli.logs import LogReading
 from swimbladder.cli.options import Files, LogFiles, Options, grouped, loaded, valued
 from swimbladder.cli.texts import Given, Several, pair
 from swimbladder.units import quantity
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

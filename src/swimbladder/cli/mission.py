@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
@@ -30,9 +30,6 @@ from swimbladder.cli.options import (
 )
 from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from swimbladder.cli.common import working
 from swimbladder.cli.options import (
@@ -18,9 +17,6 @@ from swimbladder.cli.options import (
     valued,
 )
 from swimbladder.cli.texts import Given, Several
-
-if TYPE_CHECKING:
-    pass
 
 
 def _all(texts: list[str], _: str) -> tuple[str, ...]:

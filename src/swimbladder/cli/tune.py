@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from swimbladder.cli.casts import CastReading, DepthSensor, water_of_cast
 from swimbladder.cli.common import working
@@ -18,9 +17,6 @@ from swimbladder.cli.options import (
     valued,
 )
 from swimbladder.cli.texts import Given
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(frozen=True)
