@@ -3,7 +3,7 @@
 import math
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Formatter
@@ -21,6 +21,7 @@ Origin = Literal["data", "prior", "set", "none"]
 Severity = Literal["note", "warning", "no"]
 
 Z95 = 1.959963984540054  # of the normal distribution, two-sided
+DRIFT_STD = 0.1 / 6e7  # m3/s, of a neutral volume before a log: 0.1 cm3 a minute to the last bit
 
 
 class Prior(NamedTuple):
@@ -221,6 +222,31 @@ def undetermined(
     if claims_too_much(e.std, abs(e.value), misfit):
         return sentence("undetermined", "claims", times=misfit)
     return ""
+
+
+_GRAVITY = 9.80665  # m/s2; to within a percent everywhere
+_LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
+_NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
+
+
+def impossible_mass(m: Estimate, weight: float, dry_mass: float | None) -> Iterator[Finding]:
+    """Yield where no hull has such a mass [kg]: for sure a no, by the value alone a warning.
+
+    weight: of the water that the hull displaces [N].
+    """
+    of_water = weight / _GRAVITY
+    least = max(_LIGHTEST * of_water, 0.98 * (dry_mass or 0.0))
+    most = _HEAVIEST * of_water
+    if least <= m.value <= most:
+        return
+    wrong = "heavy"
+    if m.value < least:
+        wrong = "dry" if dry_mass is not None and m.value < 0.98 * dry_mass else "light"
+    sure = m.ci95[1] < least or m.ci95[0] > most
+    sure = sure or not _NONE[0] * of_water < m.value < _NONE[1] * of_water
+    masses = {"dry": dry_mass, "water": of_water, "times": m.value / of_water}
+    why = sentence("motion", "mass", wrong, **masses)
+    yield Finding.of("motion", "mass", "no" if sure else "warning", mass=m.value, wrong=why)
 
 
 def crossing(

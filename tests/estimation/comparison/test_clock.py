@@ -113,6 +113,17 @@ def test_what_tells_nothing_is_not_refused(pool):
     refuse_wrong_clock(still, own(), under, "voltage", quiet)
 
 
+def test_a_log_whose_volume_does_not_move_is_not_refused():
+    """Current and trapped air make it rise and sink; its last sample begins a move."""
+    vehicle, time = own("ntnu-bv"), np.arange(0.0, 76.0, 0.5)
+    volume = np.full(len(time), vehicle.stroke.minimum)
+    volume[-1] += 0.7e-6
+    depth = 3.0 + 0.06 * time + 0.1 * np.sin(time / 20.0 + 5.0)
+    assert _fits(60.0 * time, depth, volume, vehicle).explained > 0.8  # by psi alone, and chance
+    log = Log(source="", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
+    refuse_wrong_clock(log, vehicle, np.ones(len(time), dtype=bool), "volume", volume)
+
+
 @pytest.mark.parametrize("command", ["compare", "identify"])
 def test_the_commands_refuse_it_at_once(capsys, tmp_path, pool, command):
     table = np.column_stack([1e3 * pool.time, pool.depth, pool.volume])

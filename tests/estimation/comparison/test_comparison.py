@@ -14,6 +14,7 @@ from swimbladder.estimation.comparison.record import DRIVES, record
 from swimbladder.estimation.comparison.run import FITTABLE, stages
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log, read_log
+from swimbladder.sim.closed_loop import drive
 from tests.quoted import refused
 
 WEIGHT = 1000.0 * 9.80665  # N/m3, of the water of both vehicles
@@ -480,7 +481,8 @@ def test_the_preset_is_what_mission_47_says(data_dir, float_vehicle):
     for name in ALL:
         stated = truth(float_vehicle)[name]
         assert c.fitted[name].value == pytest.approx(stated, rel=0.01), name
-        assert 0.0 < c.fitted[name].std < abs(stated)
+        assert c.fitted[name].std > 0.0
+        assert name == "psi" or c.fitted[name].std < abs(stated)  # beside a drift psi is not known
 
 
 @pytest.mark.data
@@ -522,7 +524,7 @@ def test_what_was_read_wrong_is_named(float_vehicle, voyage, as_it_is, of_depth,
 
 
 def test_a_residual_that_is_no_noise_gives_no_deviation_of_parts_per_million(paper_vehicle):
-    """Two minutes and a half of an unstable vehicle whose file has a tenth too little drag."""
+    """Five minutes of an unstable vehicle whose file has a tenth too little drag."""
     import swimbladder
 
     run = swimbladder.simulate(
@@ -535,3 +537,31 @@ def test_a_residual_that_is_no_noise_gives_no_deviation_of_parts_per_million(pap
     assert fitted.rms > 2e-3  # and no noise at all in what neighbours differ by
     assert fitted.fitted["neutral_volume"].std is None
     assert compare(log, paper_vehicle).fitted["neutral_volume"].std is not None
+
+
+def test_intervals_allow_for_a_drift_that_is_not_fitted(float_vehicle):
+    """A tenth of a cm3 a minute, as `identify` assumes: the neutral volume at the start is held."""
+    time = np.arange(0.0, 150.0, 0.5)
+    for drift in (-1.7e-9, 0.0, 1.7e-9):
+        steps = np.where(time // 25 % 2 == 0, -1.5e-6, 1.5e-6) * np.where(time < 25.0, 0.5, 1.0)
+        volume = float_vehicle.neutral_volume(3.0) + steps
+        moved = drive(float_vehicle, time=time, volume=volume - drift * time, start_depth=3.0)
+        log = made_log(time, moved.depth, volume=volume, volume_absolute=True)
+        fitted = compare(log, float_vehicle).fitted
+        for name, true in (("neutral_volume", float_vehicle.trim_error), ("start_speed", 0.0)):
+            assert abs(fitted[name].value - true) < 2.0 * fitted[name].std
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (lambda log: replace(log, depth=np.roll(log.depth, 60)), "at the end of what a vehicle"),
+        (lambda log: replace(log, depth=1.0 + 0.02 * (log.depth - 1.0)), "The mass"),
+    ],
+)
+def test_what_no_hull_can_have_is_no_answer(float_vehicle, voyage, spoil, said):
+    names = ("neutral_volume", "mass", "drag")
+    found = compare(spoil(voyage), float_vehicle, free=names)
+    assert not found.possible
+    assert any(said in f.sentence for f in found.findings)
+    assert compare(voyage, float_vehicle, free=names).possible

@@ -32,6 +32,7 @@ _FAR = (0.1, 10.0)
 _EXPLAINED = 0.6  # of the variance: the motion is that of the volume
 _LEAST = 30  # samples
 _SMALL = 0.02  # m, less motion than which has no information
+_MOVED = 1e-3  # of the stroke, likewise of the volume
 
 
 def _informative(depth: Array, under: Mask) -> slice | None:
@@ -51,6 +52,9 @@ def refuse_wrong_clock(
     if (part := _informative(log.depth, under)) is None:
         return
     z, t, given = log.depth[part], log.time[part], driving[part]
+    stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
+    if drive == "volume" and not np.ptp(np.quantile(given, [0.05, 0.95])) > _MOVED * stroke:
+        return  # what moved the vehicle is not in the log
 
     def read_with(factor: float) -> _Fit:
         time = factor * t

@@ -7,6 +7,7 @@ that each start from what was measured.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +20,16 @@ import numpy as np
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record
-from swimbladder.estimation.estimates import Finding, bounded_fit, check_names, claims_too_much
+from swimbladder.estimation.estimates import (
+    DRIFT_STD,
+    Estimate,
+    Finding,
+    bounded_fit,
+    check_names,
+    claims_too_much,
+    impossible_mass,
+    sentence,
+)
 from swimbladder.estimation.series import Array, Mask, rms, white_noise
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.logs import Log
@@ -257,6 +267,7 @@ class Outcome(NamedTuple):
     vehicle: Vehicle
     start: Start
     fitted: dict[str, Fitted]
+    ends: tuple[str, ...] = ()  # names of what is at the end of what a vehicle can have
 
 
 def default_names(rec: Record) -> tuple[str, ...]:
@@ -300,20 +311,35 @@ def adjust(
             best, q = end, found
         if agreed == 3 and best < enough:
             break
-    spread = _spread(residual := problem.residual(q, whole), problem.slope(q, whole))
-    spread *= problem.scale
-    spread[problem.at_limit(q)] = np.nan
+    spread = _spread(problem, q, whole) * problem.scale
+    at_limit = problem.at_limit(q)
     noise = max(white_noise(rec.time, rec.depth), _FINEST)
     possible = (problem.most - problem.least) * problem.scale
-    misfit = rms(residual) / noise
+    misfit = rms(problem.residual(q, whole)) / noise
     bent = [claims_too_much(*pair, misfit) for pair in zip(spread, possible, strict=True)]
-    spread[bent | (spread > possible)] = np.nan
+    spread[at_limit | bent | ~(spread < possible)] = np.nan
     values = q * problem.scale
     fitted = {
         name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)
         for name, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
     }
-    return Outcome(*_apply(names, values, vehicle, first), fitted)
+    ends = tuple(n for n, end in zip(names, at_limit.tolist(), strict=True) if end)
+    return Outcome(*_apply(names, values, vehicle, first), fitted, ends)
+
+
+def _no_estimates(outcome: Outcome, *, asked: bool) -> Iterator[Finding]:
+    """Yield which fitted numbers no hull can have, or a log does not determine though `asked`."""
+    vehicle = outcome.vehicle
+    for name, found in outcome.fitted.items():
+        end = name in outcome.ends
+        none = end and name == "drag_quadratic"  # without it the log is explained best
+        if found.std is None and (asked or end) and not none:
+            why = sentence("compare", "undetermined", "end" if end else "wide")
+            yield Finding.of("compare", "undetermined", name=name, why=why)
+        elif name == "mass" and found.std is not None:
+            mass = Estimate.of(found.value, found.std, "kg")
+            weight = vehicle.water.specific_weight * vehicle.hull.displaced_volume
+            yield from impossible_mass(mass, weight, None)
 
 
 class _Problem:
@@ -409,13 +435,28 @@ def _guess(vehicle: Vehicle, rec: Record) -> float:
     return float(np.median(rec.volume[rec.compared] - resting))
 
 
-def _spread(residual: Array, slope: Array) -> Array:
-    """Return the standard deviations of the parameters, for residuals that are correlated.
+def _nuisances(rec: Record, names: Sequence[str]) -> dict[str, float]:
+    """Return what is not fitted and not known either, with its standard deviation before."""
+    known = {"neutral_drift": DRIFT_STD} if rec.drive == "volume" else {}
+    if not rec.afloat and rec.drive != "setpoint":
+        known |= {"start_depth": np.inf, "start_speed": np.inf}
+    return {name: std for name, std in known.items() if name not in names}
+
+
+def _spread(problem: _Problem, q: Array, whole: list[Window]) -> Array:
+    """Return the standard deviations of what is fitted, for residuals that are correlated.
 
     The variance is taken up by the number of samples that carry the information of one:
-    1 + 2 sum of the residual's autocorrelation up to its first zero.
+    1 + 2 sum of the residual's autocorrelation up to its first zero. What is not fitted though it
+    is not known (see `_nuisances`) counts twice: by what it leaves unknown, and by how far it moves
+    what is fitted where it may be what the log speaks for (omitted-variable bias).
     """
-    n, count = slope.shape
+    rec, count = problem.rec, len(q)
+    beside = _nuisances(rec, problem.names)
+    wide = _Problem(problem.vehicle, rec, (*problem.names, *beside), problem.first)
+    at = np.append(q, wide.start[count:])
+    residual, slope = wide.residual(at, whole), wide.slope(at, whole)
+    n = len(residual)
     centred = residual - residual.mean()
     power = float(centred @ centred)
     alike = 1.0
@@ -424,10 +465,14 @@ def _spread(residual: Array, slope: Array) -> Array:
         ends = np.flatnonzero(correlation <= 0.0)
         alike = 2.0 * float(correlation[: ends[0] if len(ends) else n].sum()) - 1.0
     variance = float(residual @ residual) / max(n - count, 1) * max(alike, 1.0)
-    _, singular, rotation = np.linalg.svd(slope, full_matrices=False)
+    before = np.append(np.full(count, np.inf), [*beside.values()]) / wide.scale
+    rows = np.vstack([slope, np.diag(math.sqrt(variance) / before)])
+    left, singular, rotation = np.linalg.svd(rows, full_matrices=False)
     if singular[-1] <= 1e-10 * singular[0]:
         return np.full(count, np.nan)
-    return np.asarray(np.sqrt(variance * ((rotation / singular[:, None]) ** 2).sum(axis=0)))
+    inverse = rotation.T / singular
+    moved = inverse @ (left[:n].T @ residual)
+    return np.asarray(np.sqrt(variance * (inverse**2).sum(axis=1) + moved**2))[:count]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -583,12 +628,15 @@ def compare(
     logged = rec.volume if rec.drive != "volume" else None
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
-    findings = []
+    findings = [*_no_estimates(outcome, asked=free is not None)]
     by = rec.volume if rec.drive == "volume" else None
     if by is not None and (wrong := misread(rec.time, rec.depth, by, rec.compared, vehicle)):
-        findings.append(wrong._replace(severity="no") if explained < _HALF else wrong)
-    if explained < _HALF and not findings:
-        findings.append(Finding.of("compare", "unexplained"))
+        if explained < _HALF:  # what follows from it need not be said
+            wrong, findings = wrong._replace(severity="no"), []
+        findings.insert(0, wrong)
+    elif explained < _HALF:
+        lost = bool(names) and explained < _LOST
+        findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -608,6 +656,7 @@ def compare(
 
 
 _HALF = 0.5  # of how the depth varies; less is no model of the log
+_LOST = -1.0  # likewise: a depth that stays would be nearer to the log than what was fitted to it
 
 
 def _fitted_before(vehicle: Vehicle) -> list[str]:

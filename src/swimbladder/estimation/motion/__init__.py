@@ -6,6 +6,7 @@ other models; `run` finds intervals and puts all together, `result` holds it.
 """
 
 from swimbladder.estimation.estimates import (
+    DRIFT_STD as DRIFT_STD,
     Estimate as Estimate,
     Finding as Finding,
     Prior as Prior,
@@ -18,7 +19,6 @@ from swimbladder.estimation.motion.result import (
 )
 from swimbladder.estimation.motion.run import (
     DELAY_STD as DELAY_STD,
-    DRIFT_STD as DRIFT_STD,
     NEUTRAL_STD as NEUTRAL_STD,
     identify as identify,
 )

@@ -18,6 +18,7 @@ from swimbladder.estimation.estimates import (
     Finding,
     Prior,
     Severity,
+    impossible_mass,
     sentence,
     too_many,
     undetermined,
@@ -375,9 +376,6 @@ def _remedy(names: list[str], problem: Problem) -> str:
 
 _SURE = 3.0  # standard deviations
 _BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
-_GRAVITY = 9.80665  # m/s2; to within a percent everywhere
-_LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
-_NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
 _UNSEEN = 0.999  # of the prior's variance, above which a log says nothing of its drift
@@ -558,19 +556,7 @@ def possible(
 ) -> Iterator[Finding]:
     """Yield where no hull has such a mass: for sure a no, by the value alone a warning."""
     m = derived.get("mass") or parameters["mass"]
-    of_water = problem.model.specific_weight / _GRAVITY * problem.model.displaced
-    least = max(_LIGHTEST * of_water, 0.98 * (dry_mass or 0.0))
-    most = _HEAVIEST * of_water
-    if least <= m.value <= most:
-        return
-    wrong = "heavy"
-    if m.value < least:
-        wrong = "dry" if dry_mass is not None and m.value < 0.98 * dry_mass else "light"
-    sure = m.ci95[1] < least or m.ci95[0] > most
-    sure = sure or not _NONE[0] * of_water < m.value < _NONE[1] * of_water
-    masses = {"dry": dry_mass, "water": of_water, "times": m.value / of_water}
-    why = sentence("motion", "mass", wrong, **masses)
-    yield Finding.of("motion", "mass", "no" if sure else "warning", mass=m.value, wrong=why)
+    return impossible_mass(m, problem.model.specific_weight * problem.model.displaced, dry_mass)
 
 
 def sinks_as_it_grows(problem: Problem) -> Iterator[Finding]:

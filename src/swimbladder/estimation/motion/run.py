@@ -19,6 +19,7 @@ from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, record, warmed, water_of_each
 from swimbladder.estimation.estimates import (
+    DRIFT_STD,
     Z95,
     Estimate,
     Finding,
@@ -273,7 +274,6 @@ def assumptions(problem: Problem, vehicle: Vehicle) -> tuple[str, ...]:
 
 
 NEUTRAL_STD = 0.5e-6  # m3
-DRIFT_STD = 0.1 / 6e7  # m3/s, 0.1 cm3 a minute to the last bit
 DELAY_STD = 0.2  # s
 
 
