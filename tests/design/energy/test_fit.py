@@ -1,10 +1,12 @@
 """A pump out of logged runs: exact without noise, and 95 % that are 95 %, by simulation."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from swimbladder.design.energy import PumpRuns, fit_pump, fitted_vehicle
-from swimbladder.errors import NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Valve
 from tests.quoted import refused
@@ -229,3 +231,28 @@ def test_two_pumps_are_no_pump():
     assert f"{len(wrong)} of 8 dives" in fit.refusal
     with refused(NoAnswerError):
         fitted_vehicle(load_vehicle("example-float"), fit)
+
+
+def test_runs_of_a_valve_among_those_of_the_pump_are_left_out():
+    """A glider lets in at the surface, with hardly any power, what it pumped below."""
+    told = commanded(np.random.default_rng(10))
+    clean = fit_pump(told).to_dict()
+    valve = {"duration": 90.0, "pressure": 0.0, "power": 0.05, "volume": -580e-6}
+    columns = {name: np.append(getattr(told, name), 6 * [x]) for name, x in valve.items()}
+    every = PumpRuns(**columns, dive=np.append(told.dive, np.arange(6.0)))
+    mixed = fit_pump(every).to_dict()
+    assert mixed.pop("excluded") == clean.pop("excluded") + 6
+    assert mixed == clean
+    with refused(InputError, field="volume_m3"):
+        fit_pump(replace(told, volume=-told.volume))
+
+
+@pytest.mark.parametrize("spoil", ["half of the volumes in L", "volumes at random"])
+def test_volumes_that_are_not_the_runs_own_are_no_delivery(spoil):
+    told, random = runs(np.random.default_rng(11), 8, noise=0.2), np.random.default_rng(12)
+    half = np.where(told.dive < 4, 1e-3, 1.0) * told.volume
+    wrong = replace(told, volume=half if "half" in spoil else random.permutation(told.volume))
+    assert not fit_pump(told).refusal
+    said = fit_pump(wrong).refusal
+    assert "volume" in said
+    assert "two pumps" in said

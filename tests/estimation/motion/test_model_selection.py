@@ -41,6 +41,21 @@ def test_a_model_that_holds_another_is_never_less_likely_with_process_noise(seed
         assert found[law, "free"] > found[law, "zero"] - 0.1
 
 
+@pytest.mark.parametrize("seed", [1, 4])
+def test_a_turbulent_drag_that_may_be_none_has_an_interval_that_begins_there(seed):
+    """The truth is laminar: of a logarithm the interval went over tens of decades, or below 0."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
+    volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
+    depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, k_dl=1.2, psi=-2e-6)
+    depth += 2e-3 * rng.normal(size=len(time))
+    known = {"line": np.arange(len(time)), "volume_absolute": True}
+    log = Log(source="log", time=time, depth=depth, volume=volume, **known)
+    quick = {"profiles": False, "choices": False, "process_noise": "always"}
+    drag = identify([log], FEUP_EM, drag="blended", **quick).parameters["drag_quadratic"]
+    assert drag.ci95[0] == 0.0
+    assert drag.value < drag.ci95[1] < 1.0
+
+
 def test_what_the_data_do_not_tell_makes_no_vehicle_and_no_error():
     log = pool_log(7.5e-5, travel=0.35, rng=np.random.default_rng(7))
     found = identify([log], FEUP_EM, neutral_std=float("inf"), profiles=False)

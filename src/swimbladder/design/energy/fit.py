@@ -56,6 +56,7 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 
 Array = NDArray[np.float64]
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
+_LET_IN = 0.1  # of the usual volume: less below 0 is a meter's noise
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
 
 
@@ -85,6 +86,25 @@ def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | 
 
 def _wrong_pressure(what: str, pressure: float, remedy: str) -> InputError:
     return InputError(what, field="pressure_Pa", unit="Pa", value=pressure, remedy=remedy)
+
+
+def _let_in(runs: PumpRuns, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which runs let volume in, which no pump does: those of a valve.
+
+    Raises InputError where these are most: a sign is wrong.
+    """
+    if runs.volume is None or not (known := kept & np.isfinite(runs.volume)).any():
+        return np.zeros(kept.size, dtype=bool)
+    usual = float(np.median(np.abs(runs.volume[known])))
+    found = known & (runs.volume < -_LET_IN * usual)
+    if 2 * found.sum() > known.sum():
+        what = (
+            f"{int(found.sum())} of {int(known.sum())} runs let volume in, and a pump presses out"
+        )
+        remedy = "Choose the pump's rows with `where=`, or turn the column's sign"
+        value = float(np.min(runs.volume[found]))
+        raise InputError(what, field="volume_m3", unit="m3", value=value, remedy=remedy)
+    return found
 
 
 def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
@@ -194,11 +214,25 @@ _VOLUME = {"delivery": "m3/s", "slip": "m3/s/Pa", "start_volume": "m3"}
 _UNITS = _POWER | _VOLUME
 _VOLTS = 0.005  # relative deviation of the voltages that shows whether power depends on them
 _ENOUGH = 15  # runs, five for each of three numbers, that may determine what a start loses
-_OFF, _JUDGED, _ONE_IN = 0.1, 4, 10  # of a dive's energy; dives to judge by; dives that may be off
+_OFF, _VOLUMES_OFF = 0.1, 0.25  # of a dive's energy, and of its volume
+_ONE_IN = 10  # dives that may be off
+_CAUSES = "Look for two pumps, another battery, or a column in another unit in some of them"
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that shows a dependence on them
 _ALIKE = 0.5  # times the relative spread of the times, that of volumes that were commanded
 _LENGTHS = 0.1  # relative standard deviation of the durations that determines what a start loses
+
+
+def _off(what: str, dives: Mapping[float, tuple[float, float]], share: float) -> str:
+    """Return that dives, each (predicted by the others, measured), are too far off; else empty."""
+    off = {dive: abs(by / own - 1.0) for dive, (by, own) in dives.items() if own > 0.0}
+    wrong = [dive for dive in off if off[dive] > share]
+    if len(wrong) <= len(off) // _ONE_IN:
+        return ""
+    worst = max(wrong, key=lambda dive: off[dive])
+    said = f"the {what} of {len(wrong)} of {len(off)} dives is not what the others say"
+    by = f"that of dive {worst:.12g} is off by {100.0 * off[worst]:.0f} %"
+    return f"no one power law holds: {said}, {by}. {_CAUSES}"
 
 
 class Predicted(NamedTuple):
@@ -254,15 +288,13 @@ class PumpFit(Answer):
     @property
     def refusal(self) -> str:
         """Why the numbers are those of no pump: dives are not as the others say. Else empty."""
-        off = {d.dive: abs(d.predicted / d.energy - 1.0) for d in self.dives if d.energy > 0.0}
-        wrong = [dive for dive, share in off.items() if share > _OFF]
-        if len(off) < _JUDGED or len(wrong) <= len(off) // _ONE_IN:
-            return ""
-        worst = max(wrong, key=lambda dive: off[dive])
-        what = f"the energy of {len(wrong)} of {len(off)} dives is not what the others say"
-        by = f"that of dive {worst:g} is off by {100.0 * off[worst]:.0f} %"
-        why = "two pumps, another battery, or a column in another unit in some of them"
-        return f"no one power law holds: {what}, {by}. Look for {why}"
+        if (e := self.parameters.get("delivery")) is not None and not e.ci95[0] > 0.0:
+            low, value, high = (f"{1e6 * x:.3g}" for x in (e.ci95[0], e.value, e.ci95[1]))
+            what = f"the delivery comes out as {value} mL/s, and {low} to {high} within 95 %"
+            return f"{what}: volumes do not go with the times of the runs. {_CAUSES}"
+        energies = {d.dive: (d.predicted, d.energy) for d in self.dives}
+        volumes = {d.dive: (d.predicted_volume, d.volume) for d in self.dives}
+        return _off("energy", energies, _OFF) or _off("volume", volumes, _VOLUMES_OFF)
 
     @property
     def voltage_share(self) -> Array:
@@ -316,6 +348,7 @@ def fit_pump(
         raise InputError(what, field="power_at", value=power_at, remedy=remedy)
     kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
     kept &= (runs.duration > 0.0) & (runs.duration >= min_run_time)
+    kept &= ~_let_in(runs, kept)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)

@@ -601,7 +601,7 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     yield from _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:
-        yield f"{left} runs were left out: too short, or without pressure or power."
+        yield f"{left} runs were left out: too short, without pressure or power, or a valve's."
     if "delivery" not in fit.parameters:
         yield "No volumes were measured: the delivery is not identifiable."
 

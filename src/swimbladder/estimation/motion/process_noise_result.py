@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -68,6 +69,10 @@ def with_process_noise(
         _experiment(e, track) for e, track in zip(problem.experiments, fit.tracks, strict=True)
     )
     parameters, contradicted = against_prior(problem, fit.estimates)
+    if "drag_quadratic" in fit.names and problem.model.law == "blended":  # it may be 0
+        e = parameters["drag_quadratic"]
+        low, high = Estimate.of(e.value, e.std, e.unit).ci95
+        parameters["drag_quadratic"] = replace(e, ci95=(max(low, 0.0), high))
     derived = mass_and_drag(problem.model, fit.names, fit.values, fit.covariance)
     listed = compare_models(fit, vehicle, problem) if asked.choices else ()
     findings = [

@@ -204,7 +204,8 @@ class Identification(Answer):
     def correlation(self) -> Array:
         """The covariance over both standard deviations."""
         size = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
-        return np.asarray(self.covariance / np.outer(size, size))
+        with np.errstate(invalid="ignore"):  # nan for what is not identifiable at all
+            return np.asarray(self.covariance / np.outer(size, size))
 
     @property
     def vehicle(self) -> Vehicle:
