@@ -1,16 +1,262 @@
 """What the linear models say, as it is shown: words, tables, pictures."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swimbladder.design.linear import Analysis, Margins
-from swimbladder.show import analysis_plots as plots
+from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
+from swimbladder.design.linear.margins import frequency_response
+from swimbladder.design.linear.pump_valve import drive_rates
 from swimbladder.show.parts import Drawn, Part, Shown, Table
+from swimbladder.show.picture import Ink, Panel, Picture, grid_of, one_panel, stacked
 from swimbladder.show.text import as_text
+
+_DEPTHS = 401  # of the rates of pump and valve: near the surface a valve goes with a root
+
+
+class _Break(NamedTuple):
+    """A place where the loop is broken, and how it is drawn."""
+
+    name: str
+    loop: StateSpace
+    margins: Margins | None
+    color: str
+    line: str
+
+
+def draw_open_loop(analysis: Analysis) -> Picture:
+    """Draw the Bode diagram of the open loop, command to depth."""
+    w, response = analysis.response()
+    rates = np.abs([p for p in analysis.open_loop.poles if abs(p) > 1e-9])
+    what, unit = ("voltage", "m/V") if analysis.vehicle.voltage_driven else ("volume", "m/m³")
+    title = f"open loop, {what} to depth (dotted: moduli of the poles)"
+    name = f"{analysis.vehicle.name}: {title}"
+    picture, top, bottom = _bode(f"|depth/{what}| [{unit}]", name)
+    top.line(w, np.abs(response))
+    bottom.line(w, _phase(response))
+    for rate in sorted({float(f"{rate:.9g}") for rate in rates}):
+        for panel in (top, bottom):
+            panel.rule("x", rate, dash=":", width=0.9)
+    return _with_phases(picture)
+
+
+def draw_drive(analysis: Analysis) -> Picture:
+    """Draw the rates of pump and valve against depth.
+
+    Raises ValueError where the vehicle has neither.
+    """
+    d, stall = analysis.drive, analysis.stall
+    if d is None or stall is None:
+        raise ValueError("this vehicle has no pump and valve to draw")
+    d = drive_rates(analysis.vehicle, np.linspace(0.0, max(d.depths), _DEPTHS).tolist())
+    title = f"{analysis.vehicle.name}: what pump and valve do"
+    how: Any = {"x": "volume rate [cm³/s]", "y": "depth [m]", "title": title, "legend": "best"}
+    picture, panel = one_panel((7.0, 5.0), **how)
+    panel.line(1e6 * np.array(d.pump), d.depths, label="pump, out")
+    panel.line(1e6 * np.array(d.valve), d.depths, Ink.VERMILION, "valve, in")
+    if math.isfinite(stall.depth) and stall.depth <= max(d.depths):
+        panel.rule("y", stall.depth, Ink.GREY, "the pump stalls", dash=":", width=1.5)
+    return picture
+
+
+def draw_loop_gains(analysis: Analysis) -> Picture:
+    """Draw the Bode diagram of both loop gains with their margins marked.
+
+    Raises ValueError where the vehicle has no closed loop.
+    """
+    c = _closed_loop(analysis)
+    nyquist = math.pi / c.sample_time
+    slowest = min(abs(m.s) for m in c.modes if math.isfinite(m.s.real))
+    picture, top, bottom = _bode("loop gain |L| [-]", _title(analysis, c, "loop gain"))
+    top.rule("y", 1.0, width=0.9)
+    for place in _breaks(analysis, c):
+        w, values = frequency_response(place.loop)
+        w, values = w[w > 0.1 * slowest], values[w > 0.1 * slowest]
+        phase = _phase(values)
+        at = place.margins.phase_frequency if place.margins else w[len(w) // 2]
+        if math.isfinite(at):  # of all turns, the one in which the crossover lies next to -180
+            phase -= 360.0 * round((float(np.interp(at, w, phase)) + 180.0) / 360.0)
+        label = f"broken at the {place.name}"
+        top.line(w, np.abs(values), place.color, label, dash=place.line)
+        bottom.line(w, phase, place.color, dash=place.line)
+        if place.margins is not None:
+            _mark_gains(top, place)
+            _mark_phase(bottom, place, w, phase)
+    bottom.rule("y", -180.0, width=0.9)
+    top.rule("x", nyquist, Ink.GREY, "half the sampling frequency", dash="--", width=0.9)
+    bottom.rule("x", nyquist, dash="--", width=0.9)
+    top.xlim, top.legend = (
+        (0.08 * slowest, 20.0 * nyquist),
+        "lower left",
+    )  # room for what is written
+    return _with_phases(picture)
+
+
+def draw_nyquist(analysis: Analysis) -> Picture:
+    """Draw both loop gains in the complex plane around -1, with the disks that they stay out of.
+
+    Raises ValueError where the vehicle has no closed loop.
+    """
+    c = _closed_loop(analysis)
+    title = _title(analysis, c, "Nyquist")
+    limits: Any = {"xlim": (-3.2, 2.2), "ylim": (-2.2, 2.2), "equal": True, "title": title}
+    labels: Any = {"x": "Re L [-]", "y": "Im L [-]", "legend": "upper right"}
+    picture, panel = one_panel((8.0, 6.8), **limits, **labels)
+    circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 361))
+    panel.line(circle.real, circle.imag, Ink.GREY, "|L| = 1", dash=":", width=0.9)
+    for place in _breaks(analysis, c):
+        _, values = frequency_response(place.loop)
+        label, dash = f"broken at the {place.name}", place.line
+        panel.line(values.real, values.imag, place.color, label, dash=dash)
+        panel.line(values.real, -values.imag, place.color, label, dash=dash)
+        if place.margins is not None:
+            # Where (2 + alpha e)/(2 - alpha e) L = -1 for some |e| = 1: a circle around -1.
+            alpha = place.margins.disk
+            disk = -(2.0 - alpha * circle) / (2.0 + alpha * circle)
+            label = f"its disk margin, {alpha:.2f}"
+            panel.area(disk.real, disk.imag, place.color, alpha=0.07)
+            panel.line(disk.real, disk.imag, place.color, label, dash=dash, width=0.8)
+    panel.dots(-1.0, 0.0, "+", Ink.BLACK, "-1", size=12.0)
+    return picture
+
+
+def draw_poles(analysis: Analysis) -> Picture:
+    """Draw the poles: open loop in the s-plane, closed loop in the z-plane, and around z = 1."""
+    c = analysis.closed_loop
+    z = np.array([] if c is None else [mode.z for mode in c.modes])
+    near = z[np.abs(z - 1.0) < 0.05]
+    count = 1 + (c is not None) + (len(near) > 0)
+    picture, (left, *others) = grid_of((1.0 + 4.6 * count, 4.6), count, count)
+    poles = np.array(analysis.open_loop.poles)
+    smallest = min((abs(p) for p in poles if abs(p) > 1e-9), default=1.0)
+    # Rates from 0.01 to 100 1/s share a picture only on an axis that is linear near 0.
+    bent, ticks = _bent(10.0 ** math.floor(math.log10(smallest)), float(np.max(np.abs(poles))))
+    low, high = -3.0 * float(np.max(np.abs(poles))), 3.0 * max(float(poles.real.max()), smallest)
+    left.xlim, left.xticks = (bent(low), bent(high)), ticks
+    reach = 1.5 * max(float(np.max(np.abs(poles.imag))), smallest)
+    left.span("x", 0.0, bent(high), Ink.VERMILION, alpha=0.08)
+    left.rule("x", 0.0, width=0.9)
+    _crosses(left, np.array([bent(p.real) for p in poles]), poles, Ink.BLUE)
+    left.ylim = (-reach, reach)
+    left.x, left.y = "Re s [1/s], linear near 0", "Im s [rad/s]"
+    left.title = f"{analysis.vehicle.name}: open loop (shaded: growing)"
+    if c is not None:
+        right, *inset = others
+        circle = np.exp(1j * np.linspace(0.0, 2.0 * math.pi, 3601))
+        for panel in others:
+            panel.line(circle.real, circle.imag, Ink.GREY, "|z| = 1", width=0.9)
+            _crosses(panel, z.real, z, Ink.VERMILION, label="closed loop")
+            panel.x, panel.y, panel.legend = "Re z [-]", "Im z [-]", ""
+        right.equal, right.legend = True, "upper left"
+        right.xlim = right.ylim = (-1.1, 1.1)
+        right.title = f"under {c.law}, sampled every {c.sample_time:.4g} s"
+        for panel in inset:  # the slow poles of a loop that is sampled fast
+            reach = 1.5 * float(np.max(np.abs(near - 1.0)))
+            panel.xlim, panel.ylim = (1.0 - reach, 1.0 + 0.5 * reach), (-0.75 * reach, 0.75 * reach)
+            panel.title, panel.xticks = "around z = 1", 4
+    return picture
+
+
+def _bent(least: float, most: float) -> tuple[Callable[[float], float], dict[float, str]]:
+    """Return a scale that is linear below `least` and logarithmic above, and its ticks."""
+
+    def bent(value: float) -> float:
+        return math.copysign(math.log10(1.0 + abs(value) / least), value)
+
+    powers = range(math.floor(math.log10(least)) + 1, math.ceil(math.log10(most)) + 1)
+    sizes = [10.0**power for power in powers][:: 1 + len(powers) // 5]
+    return bent, {
+        bent(side * size): f"{side * size:g}" for size in sizes for side in (-1.0, 1.0)
+    } | {0.0: "0"}
+
+
+def _crosses(
+    panel: Panel, x: NDArray[np.float64], values: NDArray[np.complex128], color: str, **given: Any
+) -> None:
+    says = [f"{v.real:.5g} {'+-'[v.imag < 0.0]} {abs(v.imag):.5g} i" for v in values.tolist()]
+    panel.dots(x, values.imag, "x", color, size=9.0, says=says, **given)
+
+
+def _closed_loop(analysis: Analysis) -> ClosedLoop:
+    if analysis.closed_loop is None:
+        raise ValueError("this analysis has no closed loop to draw")
+    return analysis.closed_loop
+
+
+def _breaks(analysis: Analysis, c: ClosedLoop) -> tuple[_Break, ...]:
+    command = "voltage" if analysis.vehicle.voltage_driven else "volume command"
+    if c.one_loop:
+        command += " or at the depth"
+    first = _Break(command, c.loop.broken_at_command(), c.at_command, Ink.BLUE, "-")
+    depth = c.loop.broken_at_depth(), c.at_depth, Ink.VERMILION, "-."
+    return (first,) if c.one_loop else (first, _Break("measured depth", *depth))
+
+
+def _title(analysis: Analysis, c: ClosedLoop, what: str) -> str:
+    state = "" if c.stable else ", UNSTABLE"
+    return f"{analysis.vehicle.name}: {what}, {c.law} every {c.sample_time:.4g} s{state}"
+
+
+def _bode(magnitude: str, title: str) -> tuple[Picture, Panel, Panel]:
+    picture, (top, bottom) = stacked((8.0, 6.5), 1.0, 1.0, title=title)
+    top.y, top.xlog, top.ylog, bottom.xlog = magnitude, True, True, True
+    bottom.x, bottom.y = "frequency [rad/s]", "phase [degrees]"
+    return picture, top, bottom
+
+
+def _with_phases(picture: Picture) -> Picture:
+    """Return a Bode diagram with ticks of a turn's parts, and room for what is written."""
+    bottom = picture.panels[-1]
+    low, high = bottom.limits("y")
+    bottom.ylim = (low - 0.08 * (high - low), high + 0.08 * (high - low))
+    step = 45 if high - low < 405.0 else 90
+    turns = range(step * math.ceil(low / step), math.floor(high) + 1, step)
+    bottom.yticks = {float(turn): f"{turn}" for turn in turns}
+    return picture
+
+
+def _phase(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+    return np.degrees(np.unwrap(np.angle(values)))
+
+
+def _mark_gains(panel: Panel, place: _Break) -> None:
+    """Draw the distance of |L| from 1 at the frequencies of the gain margins."""
+    m = place.margins
+    assert m is not None
+    for k, at in ((m.gain_up, m.gain_up_frequency), (m.gain_down, m.gain_down_frequency)):
+        if at > 0.0 and 0.0 < k < math.inf:
+            panel.between(at, min(1.0, 1.0 / k), max(1.0, 1.0 / k), place.color)
+            panel.dots(at, 1.0 / k, "o", place.color, size=5.0)
+            down = -14.0 if place.line != "-" else 6.0  # the labels of two loops keep apart
+            panel.text(at, 1.0 / k, f"gain × {k:.3g}", color=place.color, shift=(7.0, down))
+
+
+def _mark_phase(
+    panel: Panel, place: _Break, w: NDArray[np.float64], phase: NDArray[np.float64]
+) -> None:
+    """Draw the distance of the phase from -180 degrees where |L| is 1."""
+    m = place.margins
+    assert m is not None
+    if math.isfinite(m.phase):
+        at = m.phase_frequency
+        here = float(np.interp(at, w, phase))
+        panel.between(at, min(here, -180.0), max(here, -180.0), place.color)
+        panel.dots(at, here, "o", place.color, size=5.0)
+        text = f"phase margin {math.degrees(m.phase):.1f}°"
+        panel.text(at, here, text, color=place.color, shift=(7.0, 6.0))
+
+
+_DRAWN = {
+    "open_loop": draw_open_loop,
+    "poles": draw_poles,
+    "loop_gains": draw_loop_gains,
+    "nyquist": draw_nyquist,
+    "drive": draw_drive,
+}
 
 
 class AnalysisShown(Shown[Analysis]):
@@ -37,7 +283,7 @@ class AnalysisShown(Shown[Analysis]):
             yield from (_drive(a), _motions(a))
             pictures.append("drive")
         yield from (_poles(a), _routh(a), _transfer_functions(a))
-        yield from (Drawn(name, partial(getattr(plots, f"draw_{name}"), a)) for name in pictures)
+        yield from (Drawn(name, partial(_DRAWN[name], a)) for name in pictures)
 
     def table(self) -> dict[str, Any]:
         """Return the open loop's frequency response, command to depth."""

@@ -7,7 +7,7 @@ import pytest
 
 from swimbladder.design.analysis import analyse
 from swimbladder.io.config import load_vehicle
-from swimbladder.show import analysis_plots as linear
+from swimbladder.show import analysis as linear
 from swimbladder.show.picture import Curve, Note
 from swimbladder.show.static import save
 from tests.pictures import marks, texts
