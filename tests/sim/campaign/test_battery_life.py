@@ -12,7 +12,8 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.campaign.result import Campaign, prediction_interval
-from swimbladder.sim.campaign.run import Fact, Floats
+from swimbladder.sim.campaign.run import Floats
+from swimbladder.sim.campaign.store import ROW
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.vehicle.spread import Spread
 from tests.sim.mission.conftest import stratified
@@ -81,10 +82,10 @@ SUPPLY = {"capacity": 400e3, "cold_share": 0.85, "self_discharge": 0.02 / YEAR}
 def test_two_cycles_say_how_many_the_battery_lasts(fleet, given, stop):
     """Within one cycle, and off in both directions: an end is a matter of some joules."""
     few, all_ = fleet(12, 2, 1, **given), fleet(12, TO_THE_END, 1, **given)
-    assert np.all(all_[:, Fact.STOP] == stop)
-    assert np.array_equal(all_[:, Fact.LIFE], all_[:, Fact.CYCLES])
-    off = few[:, Fact.LIFE] - all_[:, Fact.CYCLES]
-    assert np.min(all_[:, Fact.CYCLES]) > 20.0
+    assert np.all(all_["stop"] == stop)
+    assert np.array_equal(all_["battery_cycles"], all_["cycles"])
+    off = few["battery_cycles"] - all_["cycles"]
+    assert np.min(all_["cycles"]) > 20.0
     assert np.max(np.abs(off)) <= 1.0
     assert abs(np.mean(off)) < 0.4  # three standard errors of 12 that are off by 0 or 1
 
@@ -92,8 +93,8 @@ def test_two_cycles_say_how_many_the_battery_lasts(fleet, given, stop):
 def test_batteries_that_end_below_the_reserve_within_a_cycle_too(fleet):
     """Of cycles that take more than the reserve some are broken off, and do not count."""
     few, all_ = (fleet(40, n, 1, capacity=60e3) for n in (2, TO_THE_END))
-    assert {*all_[:, Fact.STOP]} == {Stop.RESERVE, Stop.BATTERY_EMPTY}
-    assert np.array_equal(few[:, Fact.LIFE], all_[:, Fact.CYCLES])
+    assert {*all_["stop"]} == {Stop.RESERVE, Stop.BATTERY_EMPTY}
+    assert np.array_equal(few["battery_cycles"], all_["cycles"])
 
 
 def test_the_interval_of_few_values_is_that_of_students_t():
@@ -146,18 +147,18 @@ def coverage(lives, flown, count, draws=300):
 def test_floats_flown_to_the_end_lie_in_the_interval_of_others(fleet):
     """A sample of what `make prove` does with batteries that last longer."""
     given = {"phases": SHALLOW, "spread": Spread(drag=0.2, pump=0.15), "capacity": 200e3}
-    lives = fleet(200, 2, 1, **given)[:, Fact.LIFE]
+    lives = fleet(200, 2, 1, **given)["battery_cycles"]
     table = fleet(120, TO_THE_END, 2, **given)
-    assert np.all(table[:, Fact.STOP] == Stop.RESERVE)
+    assert np.all(table["stop"] == Stop.RESERVE)
     for count in (10, 20, 40):
-        assert 0.91 < coverage(lives, table[:, Fact.CYCLES], count) < 0.99, count
+        assert 0.91 < coverage(lives, table["cycles"], count) < 0.99, count
 
 
 @pytest.mark.prove
 def test_the_next_float_lies_in_the_interval_as_often_as_is_said(fleet):
     given = {"capacity": 3e6}
-    lives = fleet(600, 2, 1, **given)[:, Fact.LIFE]
-    flown = fleet(600, TO_THE_END, 2, **given)[:, Fact.CYCLES]
+    lives = fleet(600, 2, 1, **given)["battery_cycles"]
+    flown = fleet(600, TO_THE_END, 2, **given)["cycles"]
     for count in (10, 20, 40, 200):
         assert 0.93 < coverage(lives, flown, count) < 0.97, count
 
@@ -166,8 +167,8 @@ def test_the_next_float_lies_in_the_interval_as_often_as_is_said(fleet):
 def test_of_two_waters_the_interval_is_too_wide_for_fewer_than_39_floats(fleet, column):
     other = uniform_column(load_vehicle("example-float").water, 800.0)
     given = {"capacity": 1.7e6, "columns": (column, other)}
-    lives = fleet(600, 2, 1, **given)[:, Fact.LIFE]
-    flown = fleet(600, TO_THE_END, 2, **given)[:, Fact.CYCLES]
+    lives = fleet(600, 2, 1, **given)["battery_cycles"]
+    flown = fleet(600, TO_THE_END, 2, **given)["cycles"]
     for count in (10, 20):
         assert coverage(lives, flown, count) > 0.95
     for count in (40, 200):
@@ -202,9 +203,9 @@ def test_the_command_says_how_long_batteries_last(tmp_path, monkeypatch, capsys)
 
 def test_without_energy_or_battery_there_is_no_life(column):
     """A float that did no whole cycle counts for none, and two that did are needed."""
-    table = np.zeros((3, Fact.COUNT))
-    table[:, Fact.LIFE] = 120.0, np.nan, 100.0
-    table[:, Fact.STOP] = Stop.FINISHED, Stop.LOST, Stop.RESERVE
+    table = np.zeros(3, ROW)
+    table["battery_cycles"] = 120.0, np.nan, 100.0
+    table["stop"] = Stop.FINISHED, Stop.LOST, Stop.RESERVE
     given = {"spread": Spread(), "seed": 1, "energy_unknown": "", "columns": [column]}
     mission = Mission(phases=SHALLOW)
     found = Campaign(vehicle=load_vehicle("feup-em"), mission=mission, table=table, **given)

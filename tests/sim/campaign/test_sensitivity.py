@@ -16,7 +16,7 @@ from swimbladder.show.campaign import draw_sensitivity
 from swimbladder.show.static import figure
 from swimbladder.sim.campaign.draw import Design, Drawn, indices
 from swimbladder.sim.campaign.result import Sensitivity
-from swimbladder.sim.campaign.run import Fact, Floats
+from swimbladder.sim.campaign.run import Floats
 from swimbladder.vehicle.spread import Spread
 
 THREE = Spread(trim=1.0, psi=1.0, drag=0.3, pump=0.0)
@@ -192,8 +192,8 @@ def test_the_stroke_margin_of_a_float_that_rests(parked):
 
 def test_outputs_that_some_flights_lack_have_no_indices_and_say_so(parked):
     table = parked.table.copy()
-    table[::9, Fact.ARRIVAL] = np.nan
-    table[::9, Fact.MISSED] = 1.0
+    table["arrival_mean"][::9] = np.nan
+    table["phases_missed_in_all"][::9] = 1.0
     some = Sensitivity(design=parked.design, table=table, energy_unknown="no motor", asked=9)
     found = {one.name: one for one in some.outputs}
     assert "energy per cycle" not in found

@@ -12,7 +12,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.run import MOST, Fact, Floats
+from swimbladder.sim.campaign.run import MOST, Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.engine.rodas.records import Account, Note, Stop
 from swimbladder.sim.mission.flight import fly_mission
@@ -180,8 +180,8 @@ def test_a_float_of_a_campaign_is_flown_by_its_board(watched, water, tmp_path):
     alone = fly_mission(watched, task(), water, seed=job.seed * MOST, checked=False)
     row = job.layout.table()[0]
     assert alone.plan.supervised
-    assert row[Fact.STOP] == Stop.FINISHED
-    assert row[Fact.DURATION] == alone.duration
+    assert row["stop"] == Stop.FINISHED
+    assert row["duration"] == alone.duration
 
 
 def test_the_command_says_that_board_and_supervisor_fly_it(watched, tmp_path, monkeypatch, capsys):

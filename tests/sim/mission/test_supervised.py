@@ -13,7 +13,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.run import MOST, Fact, Floats
+from swimbladder.sim.campaign.run import MOST, Floats
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission import law_flight
 from swimbladder.sim.mission.law_flight import ByLaws
@@ -166,8 +166,8 @@ def test_a_float_of_a_campaign_has_its_supervisor_too(tmp_path, supervised, stop
     alone = flown(vehicle, task, column=sea, seed=noise, checked=False, supervised=supervised)
     row = job.layout.table()[0]
     assert alone.stop is stop
-    assert row[Fact.STOP] == stop
-    assert row[Fact.DURATION] == alone.duration
+    assert row["stop"] == stop
+    assert row["duration"] == alone.duration
 
 
 def test_the_command_says_who_flies_and_that_it_was_brought_up(tmp_path, monkeypatch, capsys):

@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.io.answers import Answer
+from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import Cast, Column
-from swimbladder.sim.campaign.draw import Design, Drawn, Index, indices
-from swimbladder.sim.campaign.run import Fact, Floats
+from swimbladder.sim.campaign.draw import Design, Index, indices
+from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.prepare import water_of
 from swimbladder.sim.mission.words import REASONS
@@ -26,6 +26,7 @@ from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.void]  # of `store.ROW`
 
 
 def share_interval(count: int, total: int, level: float = 0.95) -> tuple[float, float]:
@@ -72,9 +73,17 @@ def prediction_interval(values: Array, level: float = 0.95) -> tuple[float, floa
 _HALF = 0.5  # so that 0 has a logarithm
 
 
-def good_floats(table: Array) -> NDArray[np.bool_]:
+def good_floats(table: Rows) -> NDArray[np.bool_]:
     """Return which floats flew every cycle that was asked for, with every phase done."""
-    return np.asarray((table[:, Fact.STOP] == Stop.FINISHED) & (table[:, Fact.MISSED] == 0.0))
+    return np.asarray((table["stop"] == Stop.FINISHED) & (table["phases_missed_in_all"] == 0.0))
+
+
+_COLUMNS = (
+    "trim_m3 psi_m3_m drag_factor pump_factor mass_factor cast stop cycles "
+    "phases_missed=phases_missed_in_all arrival_s=arrival_mean deepest_m=deepest_of_all duration_s "
+    "pump_runs=pump_runs_in_all holding_error_m stroke_margin_m3=stroke_margin_of_all"
+)
+_ENERGIES = "drive_J=drive_energy_in_all drawn_J=battery_energy_in_all battery_cycles"
 
 
 class BatteryLife(NamedTuple):
@@ -107,13 +116,13 @@ class Output:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Indices of the outputs of a design's floats; table [floats, Fact.COUNT].
+    """Indices of the outputs of a design's floats; table: [floats] of `store.ROW`.
 
     asked: how many floats were asked for.
     """
 
     design: Design
-    table: Array
+    table: Rows
     energy_unknown: str
     asked: int
 
@@ -133,10 +142,9 @@ class Sensitivity:
         )
 
     @property
-    def independent(self) -> Array:
+    def independent(self) -> Rows:
         """The floats that are drawn independently of each other, without those of A and B mixed."""
-        found: Array = self.table.reshape(self.design.rows, self.design.width, -1)[:, :2]
-        return found.reshape(2 * self.design.rows, -1)
+        return self.table.reshape(self.design.rows, self.design.width)[:, :2].ravel()
 
     @cached_property
     def outputs(self) -> list[Output]:
@@ -147,12 +155,12 @@ class Sensitivity:
         t = self.table
         yield "failed flights", "1", np.where(self.good, 0.0, 1.0)
         with np.errstate(invalid="ignore", divide="ignore"):
-            energy = t[:, Fact.DRAWN] / np.where(t[:, Fact.CYCLES] > 0.0, t[:, Fact.CYCLES], np.nan)
+            energy = t["battery_energy_in_all"] / np.where(t["cycles"] > 0.0, t["cycles"], np.nan)
         if not self.energy_unknown:
             yield "energy per cycle", "J", energy
-        yield "time to depth", "s", t[:, Fact.ARRIVAL]
-        yield "holding error", "m", t[:, Fact.HOLDING]
-        yield "stroke margin", "m3", t[:, Fact.MARGIN]
+        yield "time to depth", "s", t["arrival_mean"]
+        yield "holding error", "m", t["holding_error"]
+        yield "stroke margin", "m3", t["stroke_margin_of_all"]
 
     def _output(self, name: str, unit: str, values: Array) -> Output:
         by_row = values.reshape(self.design.rows, self.design.width)
@@ -207,7 +215,7 @@ class Sensitivity:
 
 @dataclass(frozen=True, kw_only=True)
 class Campaign(Answer):
-    """Floats of one vehicle on one mission; table [n, Fact.COUNT].
+    """Floats of one vehicle on one mission; table: [n] of `store.ROW`.
 
     supervised: whether the laws fly under the vehicle's supervisor. sensitivity: where the floats
     are those of a design drawn independently, what the outcome comes from.
@@ -218,7 +226,7 @@ class Campaign(Answer):
     columns: Sequence[Column]
     spread: Spread
     seed: int
-    table: Array
+    table: Rows
     energy_unknown: str
     supervised: bool = False
     sensitivity: Sensitivity | None = None
@@ -235,8 +243,8 @@ class Campaign(Answer):
 
     def shares(self) -> list[tuple[str, int, float, tuple[float, float]]]:
         """Return (what, floats, share, its 95 % interval) of every way it ended."""
-        total, stop = len(self.table), self.table[:, Fact.STOP]
-        late = self.table[:, Fact.MISSED] > 0.0
+        total, stop = len(self.table), self.table["stop"]
+        late = self.table["phases_missed_in_all"] > 0.0
         found = [("every phase of every cycle done", int(np.sum(self.good)))]
         found.append(("a phase ran out of time, or was not held", int(np.sum(late))))
         found += [
@@ -249,17 +257,17 @@ class Campaign(Answer):
     def numbers(self) -> list[tuple[str, str, Array]]:
         """Return (what, unit, of each float that has it [k]) of the numbers that floats have."""
         t = self.table
-        cycles = np.maximum(t[:, Fact.CYCLES], 1.0)
+        cycles = np.maximum(t["cycles"], 1.0)
         found: list[tuple[str, str, Array]] = [
-            ("cycles", "", t[:, Fact.CYCLES]),
-            ("arrives at the first depth in", "h", t[:, Fact.ARRIVAL] / 3600.0),
-            ("deepest", "m", t[:, Fact.DEEPEST]),
-            ("pump runs per cycle", "", t[:, Fact.PUMP_RUNS] / cycles),
+            ("cycles", "", t["cycles"]),
+            ("arrives at the first depth in", "h", t["arrival_mean"] / 3600.0),
+            ("deepest", "m", t["deepest_of_all"]),
+            ("pump runs per cycle", "", t["pump_runs_in_all"] / cycles),
         ]
         if not self.energy_unknown:
             found += [
-                ("drive's energy per cycle", "kJ", t[:, Fact.DRIVE] / cycles / 1e3),
-                ("battery's energy per cycle", "kJ", t[:, Fact.DRAWN] / cycles / 1e3),
+                ("drive's energy per cycle", "kJ", t["drive_energy_in_all"] / cycles / 1e3),
+                ("battery's energy per cycle", "kJ", t["battery_energy_in_all"] / cycles / 1e3),
             ]
         found += [(words, "", values) for words, values in self._avoided.items()]
         known = [(words, unit, x[np.isfinite(x)]) for words, unit, x in found]
@@ -276,7 +284,7 @@ class Campaign(Answer):
     @property
     def battery_life(self) -> BatteryLife | None:
         """Cycles on one battery; None: not known of two floats."""
-        life, stop = self.table[:, Fact.LIFE], self.table[:, Fact.STOP]
+        life, stop = self.table["battery_cycles"], self.table["stop"]
         known = np.isfinite(life)
         if np.sum(known) < 2:
             return None
@@ -301,28 +309,10 @@ class Campaign(Answer):
 
     def by_float(self) -> dict[str, Array]:
         """Return the columns of floats.csv: a row per float."""
-        t = self.table
-        found: dict[str, Array] = {
-            "float": np.arange(1.0, len(t) + 1.0),
-            "trim_m3": t[:, Drawn.TRIM],
-            "psi_m3_m": t[:, Drawn.PSI],
-            "drag_factor": t[:, Drawn.DRAG],
-            "pump_factor": t[:, Drawn.PUMP],
-            "mass_factor": t[:, Drawn.MASS],
-            "cast": t[:, Drawn.CAST] + 1.0,
-            "stop": t[:, Fact.STOP],
-            "cycles": t[:, Fact.CYCLES],
-            "phases_missed": t[:, Fact.MISSED],
-            "arrival_s": t[:, Fact.ARRIVAL],
-            "deepest_m": t[:, Fact.DEEPEST],
-            "duration_s": t[:, Fact.DURATION],
-            "pump_runs": t[:, Fact.PUMP_RUNS],
-            "holding_error_m": t[:, Fact.HOLDING],
-            "stroke_margin_m3": t[:, Fact.MARGIN],
-        }
-        if not self.energy_unknown:
-            found |= {"drive_J": t[:, Fact.DRIVE], "drawn_J": t[:, Fact.DRAWN]}
-            found["battery_cycles"] = t[:, Fact.LIFE]
+        t = self.table.view(np.recarray)
+        found: dict[str, Array] = {"float": np.arange(1.0, len(t) + 1.0)}
+        found |= attributes(t, _COLUMNS) | {"cast": t["cast"] + 1.0}
+        found |= {} if self.energy_unknown else attributes(t, _ENERGIES)
         return found | {words.replace(" ", "_"): one for words, one in self._avoided.items()}
 
     @property
@@ -330,10 +320,10 @@ class Campaign(Answer):
         """How often each float met bottom and ice [n], where the mission looks for them."""
         t, found = self.table, dict[str, Array]()
         if self.mission.grounding is not None:
-            found["times grounded"] = t[:, Fact.GROUNDED]
+            found["times grounded"] = t["grounded_in_all"]
         if self.mission.ice is not None:
-            found["ice turns"] = t[:, Fact.ICE_TURNS]
-            found["surfacings under ice"] = t[:, Fact.UNDER_ICE]
+            found["ice turns"] = t["ice_turns_in_all"]
+            found["surfacings under ice"] = t["surfaced_under_ice_in_all"]
         return found
 
     def to_dict(self) -> dict[str, Any]:

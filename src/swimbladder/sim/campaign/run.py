@@ -3,7 +3,6 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -33,28 +32,6 @@ CHUNK = 50  # floats at most
 _PARTS = 16  # chunks that a small campaign has all the same
 MOST = 1_000_000
 _LONGEST = 100_000  # cycles
-
-
-class Fact(IntEnum):
-    """Columns of the table of floats; what was drawn stands in the first ones."""
-
-    STOP = int(Drawn.COUNT)
-    CYCLES = 7
-    MISSED = 8  # phases that ran out of time, or did not hold
-    ARRIVAL = 9  # s, mean over the cycles that arrived at the first phase's depth; nan: none did
-    DEEPEST = 10  # m
-    DURATION = 11  # s
-    DRIVE = 12  # J, of pump, valve and holding
-    DRAWN = 13  # J from the battery
-    PUMP_RUNS = 14
-    LEFT = 15  # J in the battery
-    HOLDING = 16  # m rms, from the depths of parks and holds since their arrival; nan: none did
-    MARGIN = 17  # m3 of the stroke that was never used, at the end where least was left
-    LIFE = 18  # cycles on one battery, flown or extrapolated; nan: not known
-    GROUNDED = 19  # times on the bottom
-    ICE_TURNS = 20  # times that it turned back for ice
-    UNDER_ICE = 21  # times that it came up although there may have been ice
-    COUNT = 22
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,7 +191,7 @@ class Floats:
         return int(last)
 
     def _one(self, number: int) -> tuple[list[float], list[list[float]]]:
-        """Fly one float; return its row of `Fact`, and a row of `CYCLES` for each cycle."""
+        """Fly one float; return its row of `FLOATS`, and one of `CYCLES` for each cycle."""
         if self.design is None:
             drawn = draw(self.spread, seed=self.seed, number=number, casts=len(self.columns))
             noise = number

@@ -39,7 +39,7 @@ _MOST_WIDE = 1024  # cycles in a chunk
 
 
 _STOPS = " ".join(["not_flown", *(reason.name.lower() for reason in Stop if reason)])
-# In the order of `run.Fact`.
+# In the order of `run.Floats`; what was drawn stands in the first ones.
 FLOATS = {
     "trim": meaning("m3", "neutral volume more than the vehicle file says"),
     "psi": meaning("m3 m-1", "hull compression more than the vehicle file says, volume per depth"),
@@ -66,6 +66,7 @@ FLOATS = {
         "1", "times that it came up although there may have been ice"
     ),
 }
+ROW = np.dtype([(name, np.float64) for name in FLOATS])
 # In the order of `run._cycle`.
 CYCLES = {
     "begin": meaning("s", "time since the start at which the cycle begins"),
@@ -194,12 +195,14 @@ class Layout:
         """Remove what kills left beside the store."""
         shutil.rmtree(self._aside(), ignore_errors=True)
 
-    def table(self) -> Array:
-        """Return the floats' variables [floats, len(FLOATS)]; nan where they are not flown."""
+    def table(self) -> NDArray[np.void]:
+        """Return the floats' variables, [floats] of ROW; nan where they are not flown."""
         import zarr
 
-        group = zarr.open_group(self.folder, mode="r")
-        return np.column_stack([np.asarray(_array(group, name)[:], float) for name in FLOATS])
+        group, found = zarr.open_group(self.folder, mode="r"), np.empty(self.floats, ROW)
+        for name in FLOATS:
+            found[name] = _array(group, name)[:]
+        return found
 
     def _aside(self) -> Path:
         """Return the folder for what is not whole yet: on the same disk, outside the store."""
