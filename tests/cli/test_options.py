@@ -3,7 +3,6 @@
 import inspect
 import json
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +34,6 @@ def _twice(text: str, option: str) -> str:
     return f"{option} {text}{text}"
 
 
-@dataclass(frozen=True)
 class Some(Options):
     """A group."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from swimbladder.cli.casts import Casts, refuse_doubted_unit
@@ -11,7 +10,6 @@ from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded
 from swimbladder.cli.texts import Given
 
 
-@dataclass(frozen=True)
 class Targets(Options):
     """What the ballast is to bring about, as a `Target` has it."""
 
@@ -20,7 +18,6 @@ class Targets(Options):
     freeboard: Given = valued("LENGTH", "Freeboard at full volume.")
 
 
-@dataclass(frozen=True)
 class Task(Options):
     """Where it is to go, how sure that has to be, and with what."""
 
@@ -31,7 +28,6 @@ class Task(Options):
     mass: Given = valued("MASS", "Mass on the scale (that of trim_error).")
 
 
-@dataclass(frozen=True)
 class Stds(Options):
     """What is not known, 1 sigma, as an `Uncertainty` has it."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from swimbladder.cli.common import aside, working
@@ -19,7 +18,6 @@ from swimbladder.cli.options import (
 from swimbladder.cli.texts import Given
 
 
-@dataclass(frozen=True)
 class Line(Options):
     """Where the board is."""
 
@@ -28,7 +26,6 @@ class Line(Options):
     real_time: bool = flag("--real-time", "One tick per sample time, not as fast as possible.")
 
 
-@dataclass(frozen=True)
 class More(Options):
     """What is flown beside the golden mission, as `codegen.board.Flights` has it."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from swimbladder.vehicle.spread import Spread
 
 
-@dataclass(frozen=True)
 class Flown(Options):
     """How many floats are flown, for how long."""
 
@@ -39,7 +37,6 @@ class Flown(Options):
     supervised: bool | None = supervised()
 
 
-@dataclass(frozen=True)
 class Spreads(Options):
     """How much floats differ, by the inputs of a `Spread`."""
 
@@ -69,7 +66,6 @@ class Spreads(Options):
         return Spread(**{**found.model_dump(), **given})
 
 
-@dataclass(frozen=True)
 class Work(Options):
     """Who flies them, as `jobs.Workers` has it."""
 

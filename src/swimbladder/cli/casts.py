@@ -8,7 +8,6 @@ carry.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,7 +34,6 @@ def refuse_doubted_unit(casts: Sequence[Cast], asked: float | None, rating: floa
             aside(*([f"warning: {doubt}"] if doubt else ()))
 
 
-@dataclass(frozen=True)
 class DepthSensor(Options):
     """The depth sensor that a vehicle is tried with."""
 
@@ -64,7 +62,6 @@ def _degrees(text: str, option: str) -> float | None:
 NO_CAST = ("it says how to read a cast, and there is none", "Give --cast too")
 
 
-@dataclass(frozen=True)
 class Reading(Options):
     """The casts of every command that takes some, how they are read and chosen in their files."""
 
@@ -113,7 +110,6 @@ class Reading(Options):
         return found
 
 
-@dataclass(frozen=True)
 class CastReading(Reading):
     """One cast."""
 
@@ -127,14 +123,12 @@ class CastReading(Reading):
         return super().casts(place)
 
 
-@dataclass(frozen=True)
 class Casts(Reading):
     """Several casts."""
 
     cast: list[Path] | None = valued("CTD", "CTD cast: CSV, netCDF, Argo profile; repeatable.")
 
 
-@dataclass(frozen=True)
 class LogCasts(Casts):
     """The casts that logs were made in: one, or one for each."""
 

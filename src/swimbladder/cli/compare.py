@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -36,7 +35,6 @@ def _times(text: str, option: str) -> list[float]:
     return [quantity(part.strip(), "s", option) for part in text.split(",") if part.strip()]
 
 
-@dataclass(frozen=True)
 class Ahead(Options):
     """Predictions over some times, and the noise that they assume."""
 
@@ -65,7 +63,6 @@ class Ahead(Options):
         return {"horizons": horizons, "tuning": Tuning(**given)}
 
 
-@dataclass(frozen=True)
 class Fit(Options):
     """How a log is compared, as `estimation.comparison.compare` has it."""
 

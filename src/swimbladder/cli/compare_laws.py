@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 _NOISE = "2 mm"  # where neither the vehicle file nor the user says what the sensor has
 
 
-@dataclass(frozen=True)
 class Flights(Options):
     """Which laws are flown, how often and where."""
 
@@ -44,7 +42,6 @@ class Flights(Options):
     seed: int = valued("N", "Seed of noise, waves, drift and draws.", 1)
 
 
-@dataclass(frozen=True)
 class Sensor(DepthSensor):
     """The depth sensor, which has some noise."""
 
@@ -56,9 +53,11 @@ class Sensor(DepthSensor):
         if self.depth_noise or v.sensors.depth_noise > 0.0 or v.sensors.depth_quantum > 0.0:
             return v, ""
         if known is not None and known.depth_noise > 0.0:
-            return Sensor(f"{known.depth_noise} m").on(vehicle), "depth noise as in the logs"
+            return Sensor(depth_noise=f"{known.depth_noise} m").on(
+                vehicle
+            ), "depth noise as in the logs"
         words = f"a depth sensor with {_NOISE} of noise, as none is stated (--depth-noise)"
-        return Sensor(_NOISE).on(vehicle), words
+        return Sensor(depth_noise=_NOISE).on(vehicle), words
 
 
 _LIST_SCENARIOS = typer.Option("--list-scenarios", help="Print the scenarios only.")

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from swimbladder.cli.common import working
-from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
-from swimbladder.cli.settings import Sought, deviation
-from swimbladder.cli.texts import Given
+from swimbladder.cli.options import Files, Options, Sought, VehicleName, grouped, loaded, valued
+from swimbladder.cli.texts import Given, deviation
 from swimbladder.errors import InputError
 from swimbladder.units import quantity, unit_of, with_one_unit
 
@@ -26,7 +24,6 @@ def _against(text: str, option: str) -> tuple[float, ...] | None:
     return tuple(quantity(part, "m3", option) for part in with_one_unit(parts))
 
 
-@dataclass(frozen=True)
 class Setting(Options):
     """The pool and the sensor."""
 
@@ -41,7 +38,6 @@ class Setting(Options):
     delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")
 
 
-@dataclass(frozen=True)
 class Experiments(Options):
     """The experiments, and what they are compared with."""
 

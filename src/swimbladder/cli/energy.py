@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -44,7 +43,6 @@ def fit_runs(paths: Sequence[Path], v: Vehicle | None, runs: Runs, to: Files) ->
     to.answer(PumpFitShown(found, vehicle=fitted))
 
 
-@dataclass(frozen=True)
 class Compared(Options):
     """How deep, and which tasks the drive does in the place of thrusters."""
 
@@ -53,7 +51,6 @@ class Compared(Options):
     speed: str = valued("SPEED", "Vertical speed.", "0.1 m/s")
 
 
-@dataclass(frozen=True)
 class Thrusters(Options):
     """The thruster, as `design.energy.Thruster` has it."""
 
@@ -70,7 +67,6 @@ class Thrusters(Options):
     )
 
 
-@dataclass(frozen=True)
 class Runs(Options):
     """How a power and which runs of a table are taken."""
 

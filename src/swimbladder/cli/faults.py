@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -18,7 +17,6 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
 class Missions(Options):
     """Which missions are flown, as `sim.faults.faults` has it."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +24,6 @@ def _volumes(text: str, option: str) -> tuple[float | None, float | None]:
     return found[0], found[-1]
 
 
-@dataclass(frozen=True)
 class Pool(Options):
     """The pool procedure, as `codegen.pool.PoolOptions` has it."""
 

@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.casts import LogCasts, refuse_doubted_unit
 from swimbladder.cli.common import progress, working
 from swimbladder.cli.logs import LogReading, LogVehicle, vehicle_of
-from swimbladder.cli.options import Files, LogFiles, Options, flag, grouped, loaded, valued
-from swimbladder.cli.settings import Sought, deviation
-from swimbladder.cli.texts import Given
+from swimbladder.cli.options import Files, LogFiles, Options, Sought, flag, grouped, loaded, valued
+from swimbladder.cli.texts import Given, deviation
 from swimbladder.errors import InputError
 
 if TYPE_CHECKING:
@@ -72,7 +70,6 @@ def _identify_deep(
     to.answer(DeepIdentificationShown(found, notes=[note for log in read for note in log.report]))
 
 
-@dataclass(frozen=True)
 class Fit(Options):
     """How logs are fitted, as `estimation.motion.identify` has it."""
 

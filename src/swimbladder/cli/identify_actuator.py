@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -16,7 +15,6 @@ from swimbladder.cli.texts import Given, Several, pair
 from swimbladder.units import quantity
 
 
-@dataclass(frozen=True)
 class Sought(Options):
     """What is known of the actuator, and what is to be identified."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -53,7 +52,6 @@ def _states(text: str) -> bool:
     return "=" in text and not Path(text).exists()
 
 
-@dataclass(frozen=True)
 class LogReading(Options):
     """Which rows of files make logs, and how they are read."""
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +31,6 @@ from swimbladder.cli.texts import Given
 from swimbladder.errors import SwimbladderError
 
 
-@dataclass(frozen=True)
 class Flown(Options):
     """How a mission is flown."""
 
@@ -44,7 +42,6 @@ class Flown(Options):
     begin: Given = valued("DATE", "Start, ISO 8601, for netCDF (none).")
 
 
-@dataclass(frozen=True)
 class Also(Options):
     """What else is written."""
 

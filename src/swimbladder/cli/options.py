@@ -1,4 +1,4 @@
-"""Groups of options: dataclasses in a command's signature, whose fields typer takes as its options.
+"""Groups of options: classes in a command's signature, whose fields typer takes as its options.
 
 The word for a value in the help says how its text is read: ``depth: str = valued("DEPTH", "...",
 "0 m")`` as metres, LEAST:MOST as two depths. Another way to read it stands beside that.
@@ -13,7 +13,7 @@ from copy import copy
 from dataclasses import MISSING, Field, dataclass, field, fields
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, dataclass_transform, get_args, get_type_hints
 
 import typer
 from typer.models import OptionInfo
@@ -26,7 +26,7 @@ from swimbladder.cli.common import (
     show_answer,
     typed_command,
 )
-from swimbladder.cli.texts import Given, depth_pair, names, pairs
+from swimbladder.cli.texts import Given, Several, depth_pair, names, pairs
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer
 from swimbladder.show.parts import Part, Shown
@@ -124,9 +124,16 @@ def _read(text: Any, option: str, about: Mapping[str, Any]) -> Any:
     return quantity(text, _UNITS[word], option) if word in _UNITS else text
 
 
+@dataclass_transform(frozen_default=True, kw_only_default=True)
 @dataclass(frozen=True)
 class Options:
-    """A group of options, by the names that the functions below the command line have for them."""
+    """A group of options, by the names that the functions below the command line have for them.
+
+    Every kind of it is a frozen dataclass of keywords.
+    """
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
 
     @classmethod
     def named(cls) -> dict[str, str]:
@@ -180,7 +187,6 @@ class Options:
         return said_as_typed({**options, **renamed}, self.changed())
 
 
-@dataclass(frozen=True, kw_only=True)
 class Printed(Options):
     """How much of an answer is printed: 15 lines, all of it, or JSON."""
 
@@ -197,7 +203,6 @@ class Printed(Options):
             show_answer(parts, ends, full=self.full)
 
 
-@dataclass(frozen=True, kw_only=True)
 class Files(Printed):
     """Where the files of a command go, and how its answer is printed."""
 
@@ -248,7 +253,19 @@ class Files(Printed):
 _NAMED = 8  # files that one line names
 
 
-@dataclass(frozen=True)
+class Sought(Options):
+    """What is identified, and what is known of it."""
+
+    free: Given = valued(
+        "NAME,...",
+        "Parameters to identify: K2, T2, psi; mass, drag_quadratic; K1, T1 (those of the "
+        "drag law, and psi).",
+    )
+    fixed: Several = valued("NAME=VALUE", 'Parameter fixed at a value: "psi=2e-6 m3/m".')
+    priors: Several = valued("NAME=VALUE", 'Prior of a parameter: "psi=2e-6 +- 1e-6 m3/m".')
+    drag: Given = valued("LAW", "Drag law: linear, quadratic or blended (the vehicle's).")
+
+
 class TimeLimit(Options):
     """How long a mission takes at most, for the supervisor that is flashed."""
 
@@ -269,7 +286,6 @@ class TimeLimit(Options):
         return vehicle.model_copy(update={"supervisor": own})
 
 
-@dataclass(frozen=True)
 class Golden(Options):
     """The step of the golden trace, as `codegen.library.firmware` has it."""
 

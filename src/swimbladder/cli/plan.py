@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -15,7 +14,6 @@ from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded
 from swimbladder.cli.texts import Given, depth_pair
 
 
-@dataclass(frozen=True)
 class Asked(Options):
     """What is planned, as `design.planning.plan` has it."""
 

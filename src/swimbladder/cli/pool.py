@@ -1,37 +1,125 @@
 """``swimbladder pool``: the pool procedure as a guided run, simulated or on a growing log.
 
-Its options say what is rehearsed, followed, done and sought.
+Its options say what is rehearsed, followed, done and sought; what it shows are lines as things
+happen or, on a terminal, a panel that lives.
 """
 
 from __future__ import annotations
 
 import contextlib
 import math
+from collections import deque
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import aside, compile_notice, console, progress
-from swimbladder.cli.options import Files, Options, VehicleName, flag, grouped, loaded, valued
-from swimbladder.cli.pool_view import View
-from swimbladder.cli.settings import Sought, deviation
-from swimbladder.cli.texts import Given, Several, pair
+from swimbladder.cli.common import aside, compile_notice, console, output, progress
+from swimbladder.cli.options import (
+    Files,
+    Options,
+    Sought,
+    VehicleName,
+    flag,
+    grouped,
+    loaded,
+    valued,
+)
+from swimbladder.cli.texts import Given, Several, deviation, pair
 from swimbladder.errors import InputError, SwimbladderError, UnitError
+from swimbladder.show.text import rich_table
 from swimbladder.units import parse_quantity, quantity
 
 if TYPE_CHECKING:
+    from rich.console import RenderableType
+
     from swimbladder.design.plan import Plan
-    from swimbladder.design.pool_day import GrowingLog, News, Operator, Target
+    from swimbladder.design.pool_day import GrowingLog, News, Operator, PoolDay, Target
     from swimbladder.design.pool_day.day import Kept
     from swimbladder.vehicle import Vehicle
+
+_LATEST = 6  # lines of news in the panel
+_STYLES = {"refused": "yellow", "identified": "bold", "log": "dim", "turned": "dim"}
+
+
+class View:
+    """Shows a day's news: nothing where quiet, a panel on a terminal, else lines on stderr."""
+
+    def __init__(self, day: PoolDay, *, quiet: bool) -> None:
+        self.day, self.quiet = day, quiet
+        self.live = output.is_terminal and not quiet
+        self._news: deque[News] = deque(maxlen=_LATEST)
+
+    def show(self, happening: Iterable[News | None]) -> None:
+        """Show everything that happens."""
+        with self._panel() as update:
+            for news in happening:
+                if news is not None:
+                    self._tell(news)
+                update()
+
+    def _tell(self, news: News) -> None:
+        self._news.append(news)
+        if not (self.quiet or self.live):
+            aside(_line(news))
+
+    @contextlib.contextmanager
+    def _panel(self) -> Iterator[Any]:
+        if not self.live:
+            yield lambda: None
+            return
+        from rich.live import Live
+
+        with Live(self._drawn(), console=output, refresh_per_second=8, transient=True) as live:
+            yield lambda: live.update(self._drawn())
+
+    def _drawn(self) -> RenderableType:
+        from rich.console import Group
+        from rich.panel import Panel
+        from rich.text import Text
+
+        from swimbladder.show.pool import experiment_table, parameter_table
+
+        day = self.day
+        parts: list[RenderableType] = [self._state(), Text(day.advice, style="bold cyan"), Text()]
+        if day.kept:
+            parts += [rich_table(experiment_table(day)), Text()]
+        if day.found is not None:
+            parts += [rich_table(parameter_table(day)), Text()]
+        parts += [Text(_line(n), style=_STYLES.get(n.kind, "")) for n in self._news]
+        title = f"swimbladder pool, {day.vehicle.name}, {day.mode}"
+        return Panel(Group(*parts), title=title, title_align="left")
+
+    def _state(self) -> RenderableType:
+        from rich.text import Text
+
+        day, sample = self.day, self.day.latest
+        if sample is None:
+            return Text("waiting for the log", style="dim")
+        words = Text()
+        for name in ("moving", "at rest", "under way"):
+            words.append(f" {name} ", style="reverse" if day.doing == name else "dim")
+        speed = "" if math.isnan(day.speed) else f"   {1e3 * day.speed:+.1f} mm/s over a minute"
+        volume = f"volume {1e6 * sample.volume:+.1f} cm3{speed}"
+        words.append(f"   {_clock(sample.time)}   depth {sample.depth:.2f} m   {volume}")
+        return words
+
+
+def _line(news: News) -> str:
+    when = f"{_clock(news.time)}  " if news.kind != "log" else ""
+    return f"{when}{news.sentence}"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(max(0, math.floor(seconds)), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}"
+
 
 _NOISE = 2e-3  # m
 
 
-@dataclass(frozen=True)
 class Rehearsed(Options):
     """A rehearsal in simulated water."""
 
@@ -60,7 +148,6 @@ class Rehearsed(Options):
         return Operator(vehicle, truth, bottom_depth=bottom, seed=self.seed)
 
 
-@dataclass(frozen=True)
 class Followed(Options):
     """A log that is being written."""
 
@@ -84,7 +171,6 @@ class Followed(Options):
         return tail, given["timeout"]
 
 
-@dataclass(frozen=True)
 class Procedure(Options):
     """What is done in the pool."""
 
@@ -111,7 +197,6 @@ def _targets(text: str, option: str) -> list[Target] | float:
     return found
 
 
-@dataclass(frozen=True)
 class Goals(Options):
     """How well parameters are to be known."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import typer
@@ -11,7 +10,6 @@ from swimbladder.cli.common import aside, compile_notice, progress
 from swimbladder.cli.options import Files, Options, grouped, valued
 
 
-@dataclass(frozen=True)
 class Asked(Options):
     """What its noise is drawn from."""
 

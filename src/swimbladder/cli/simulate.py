@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,7 +35,6 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 
-@dataclass(frozen=True)
 class Step(Options):
     """A step of depth, in place of a mission's file."""
 
@@ -45,7 +43,6 @@ class Step(Options):
     bottom_depth: Given = valued("DEPTH", "Depth of the bottom (none).")
 
 
-@dataclass(frozen=True)
 class Also(Options):
     """What else is written."""
 
@@ -57,7 +54,6 @@ class Also(Options):
 _MISSION = typer.Argument(metavar="MISSION", help="TOML file with set-points, start and duration.")
 
 
-@dataclass(frozen=True)
 class How(Options):
     """With which noise, and under what."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +13,6 @@ from swimbladder.cli.options import Files, Options, grouped, loaded, valued
 from swimbladder.cli.texts import Given
 
 
-@dataclass(frozen=True)
 class Task(Options):
     """The dive, as `design.sizing.Dive` has it."""
 
@@ -35,7 +33,6 @@ class Task(Options):
     battery_temperature: Given = valued("TEMP", "Battery temperature (the cast's, or 4 degC).")
 
 
-@dataclass(frozen=True)
 class Driver(Options):
     """The motor's driver, in place of the list's."""
 
@@ -47,7 +44,6 @@ class Driver(Options):
     )
 
 
-@dataclass(frozen=True)
 class Limits(Options):
     """What is to be least, and what the body has room for."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from swimbladder.cli.common import working
@@ -23,7 +22,6 @@ def _all(texts: list[str], _: str) -> tuple[str, ...]:
     return tuple(texts)
 
 
-@dataclass(frozen=True)
 class Asked(Options):
     """What is looked at, as `design.stability.stability` has it."""
 

@@ -1,6 +1,7 @@
 """How the texts that options take are read: names, pairs NAME=VALUE, depths and their units."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from swimbladder.errors import InputError
@@ -55,3 +56,12 @@ def once(pairs: Sequence[tuple[str, _Value]], option: str) -> dict[str, _Value]:
 def pairs(texts: Sequence[str], option: str) -> dict[str, str]:
     """Return the pairs NAME=VALUE of an option; raises InputError where a name stands twice."""
     return once([pair(text, option) for text in texts], option)
+
+
+def deviation(unit: str) -> Callable[[str, str], float]:
+    """Return what reads a standard deviation in `unit`, infinite for ``none``."""
+
+    def read(text: str, option: str) -> float:
+        return math.inf if text.strip().lower() == "none" else quantity(text, unit, option)
+
+    return read

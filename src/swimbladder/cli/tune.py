@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from swimbladder.cli.casts import CastReading, DepthSensor, water_of_cast
@@ -19,7 +18,6 @@ from swimbladder.cli.options import (
 from swimbladder.cli.texts import Given
 
 
-@dataclass(frozen=True)
 class Design(Options):
     """What gains are sought."""
 
