@@ -19,6 +19,7 @@ from swimbladder.control.law import Law, Measurement
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.closed_loop.block import Block
 from swimbladder.sim.closed_loop.floats import BoardLaw, float_model
@@ -28,7 +29,6 @@ from swimbladder.sim.closed_loop.single import as_law, run_function
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Float32s = NDArray[np.float32]
 UNPLUGGED = 15  # ticks of full buoyancy at the end of what is checked
 

@@ -23,6 +23,7 @@ from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_ga
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.units import in_unit, read_numbers
@@ -39,7 +40,7 @@ class Rehearsal(NamedTuple):
 
     depth: NDArray[np.float32]  # m, measured
     volume: NDArray[np.float32]  # m3, measured
-    may_begin: NDArray[np.bool_]
+    may_begin: Flags
     command: NDArray[np.float32]  # V
     phase: NDArray[np.int8]
     minutes: float  # from the word to begin until it is done

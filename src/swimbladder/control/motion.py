@@ -5,15 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import expm, solve_discrete_are
 
 from swimbladder.control.law import stiffness
+from swimbladder.physics.arrays import Array
 
 if TYPE_CHECKING:
     from swimbladder.physics.dynamics import Plant
 
-Array = NDArray[np.float64]
 
 _LEFT = 0.2  # of an error, after a hold
 

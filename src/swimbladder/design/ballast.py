@@ -18,11 +18,11 @@ from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import (
     PsiTerms,
@@ -39,8 +39,6 @@ from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.units import in_unit, parse_quantity, read_numbers, rounded
 from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
-
-Array = NDArray[np.float64]
 
 # Where nothing is said: the error of a neutral volume that one experiment leaves; a share of the
 # hull's compression, as `tune` takes where nothing was identified; and how well the density of the

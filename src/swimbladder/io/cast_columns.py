@@ -28,9 +28,9 @@ from swimbladder.io.log_format import LogColumn, bracketed
 from swimbladder.io.log_rows import Sheet
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, Value, counted
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.units import has_kind
 
-Array = NDArray[np.float64]
 _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
 
 
@@ -82,7 +82,7 @@ class RawCast:
         """Return where row k stands: "line 12"."""
         return f"{self.row_name} {self.row[k]}"
 
-    def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> RawCast:
+    def only(self, kept: Flags | NDArray[np.int64]) -> RawCast:
         """Return the cast with the rows `kept`, a mask or an order."""
         arrays = {name: v for name, v in vars(self).items() if isinstance(v, np.ndarray)}
         chosen: dict[str, Any] = {name: values[kept] for name, values in arrays.items()}

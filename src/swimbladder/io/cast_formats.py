@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import Parameter
 from swimbladder.io.cast_columns import (
@@ -29,7 +28,6 @@ from swimbladder.io.log_rows import Arrays, Chunk, Rows, chosen
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.io.netcdf import NetCDF
 
-Array = NDArray[np.float64]
 _ARGO = {"PRES": "pressure_dbar", "TEMP": "temperature_degC", "PSAL": "salinity"}
 _SHOWN = 4  # profiles, where there are too many
 

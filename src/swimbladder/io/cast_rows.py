@@ -14,8 +14,8 @@ from swimbladder.errors import Parameter
 from swimbladder.io.cast_columns import RawCast
 from swimbladder.io.cast_units import COLDEST, DEEPEST, MOST_SALT, WARMEST
 from swimbladder.io.log_text import counted
+from swimbladder.physics.arrays import Array, Flags
 
-Array = NDArray[np.float64]
 Inversions = Literal["refuse", "average", "keep"]
 # kg/m3 between two depths; the threshold of Argo's density inversion test (Argo Quality Control
 # Manual for CTD and Trajectory Data, test 14).
@@ -94,7 +94,7 @@ def _mixed(p: Array, SA: Array, CT: Array) -> tuple[Array, Array]:
     return np.repeat(s, sizes), np.repeat(c, sizes)
 
 
-Mask = NDArray[np.bool_]
+Mask = Flags
 
 _TURN = 0.05  # share of the range, 1 dbar at least, that pressure goes back at a turn
 _LONG = 0.5  # share of the longest leg that makes another one a profile

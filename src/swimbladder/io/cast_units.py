@@ -9,13 +9,11 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import column_as
 from swimbladder.io.cast_columns import RawCast
+from swimbladder.physics.arrays import Array
 from swimbladder.units import unit_factor
-
-Array = NDArray[np.float64]
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
 COLDEST, WARMEST = -3.0, 45.0  # degC; freezing at 34 and 1000 dbar is -2.6

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, LogError, Parameter, SwimbladderError, column_as
 from swimbladder.io.cast_columns import RawCast, sheet_cast
@@ -25,6 +24,7 @@ from swimbladder.io.cast_rows import Inversions, averaged, one_leg, stable, with
 from swimbladder.io.cast_units import MOST_SALT, by_depth, check_units
 from swimbladder.io.log_format import LogFormat, format_of
 from swimbladder.io.log_text import LogFile, is_frame, is_netcdf, read_bytes
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry
@@ -103,7 +103,6 @@ def recognised(data: bytes, path: Path) -> tuple[CastFormat | None, list[str]]:
     return next(iter(known.values()), None), said
 
 
-Array = NDArray[np.float64]
 _LATITUDE = 45.0  # where gravity is the mean of pole and equator, to 1 part in 10 000
 
 

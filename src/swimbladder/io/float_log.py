@@ -12,6 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
+
 Device = Literal["pump", "valve", "bypass"]
 DEVICES: tuple[Device, ...] = ("pump", "valve", "bypass")
 
@@ -78,12 +80,12 @@ class FloatLog:
     name: str = ""
     firmware: str = ""
     start: str = ""  # ISO 8601
-    time: NDArray[np.float64]  # s [n]
-    pressure: NDArray[np.float64]  # Pa [n]
-    temperature: NDArray[np.float64]  # degC [n], NaN where it is not logged
+    time: Array  # s [n]
+    pressure: Array  # Pa [n]
+    temperature: Array  # degC [n], NaN where it is not logged
     stage: NDArray[np.int64]  # - [n]
-    time_step: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # s [n]
-    pressure_step: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))  # Pa [n]
+    time_step: Array = field(default_factory=lambda: np.zeros(0))  # s [n]
+    pressure_step: Array = field(default_factory=lambda: np.zeros(0))  # Pa [n]
     actions: tuple[Action, ...]
     stages: tuple[Stage, ...] = ()
     settings: Mapping[str, str] = field(default_factory=dict)
@@ -106,8 +108,8 @@ class FloatLog:
 
 
 def table_log(
-    time: NDArray[np.float64],
-    pressure: NDArray[np.float64],
+    time: Array,
+    pressure: Array,
     runs: Iterable[tuple[float, Device, float]],
     **more: Any,
 ) -> FloatLog:

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import column_as
 from swimbladder.io.columns import check_columns, named_columns, no_column
@@ -24,6 +23,7 @@ from swimbladder.io.log_formats.argo_trajectory import read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, counted, is_frame, is_netcdf, read_bytes
+from swimbladder.physics.arrays import Array, Flags
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,7 +108,7 @@ def _sources(file: LogFile, mapped: Mapping[str, str], header: list[str]) -> dic
     return found
 
 
-def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> FloatLog:
+def _float_log(values: Mapping[str, Array], file: LogFile) -> FloatLog:
     timed = np.isfinite(values["time_s"])
     if not timed.all():
         file.report.append(f"{counted(int((~timed).sum()), 'row')} without time dropped")
@@ -144,9 +144,7 @@ def _float_log(values: Mapping[str, NDArray[np.float64]], file: LogFile) -> Floa
     return table_log(time[known], pressure[known], runs, temperature=temperature, **more)
 
 
-def _refuse_dives(
-    time: NDArray[np.float64], under: NDArray[np.bool_], up: NDArray[np.bool_], file: LogFile
-) -> None:
+def _refuse_dives(time: Array, under: Flags, up: Flags, file: LogFile) -> None:
     """Raise LogError where the float is under water, at the surface, and under water again.
 
     What it pumps at the surface is not known: a full bladder ends it.
@@ -164,7 +162,7 @@ def _refuse_dives(
         raise file.refused(what, remedy, "log")
 
 
-def _check_seconds(values: Mapping[str, NDArray[np.float64]], lasts: float, file: LogFile) -> None:
+def _check_seconds(values: Mapping[str, Array], lasts: float, file: LogFile) -> None:
     """Raise LogError where a device ran for longer than the whole log lasts [s], or less than 0."""
     for name in (f"{device}_s" for device in DEVICES if f"{device}_s" in values):
         ran, least = float(np.nansum(values[name])), float(np.nanmin(values[name], initial=0.0))

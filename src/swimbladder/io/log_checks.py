@@ -4,13 +4,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.io.log_table import Table
 from swimbladder.io.log_text import LogFile, counted
+from swimbladder.physics.arrays import Array, Flags
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+Mask = Flags
 
 _GAP = 5.0  # median steps
 _FAR = 8.0  # standard deviations of the noise

@@ -22,6 +22,7 @@ from swimbladder.io.columns import named_by_unit, plain_unit
 from swimbladder.io.log_format import Delimiter, LogFormat
 from swimbladder.io.log_text import LogFile, counted, is_netcdf, read_bytes, whole_text
 from swimbladder.io.netcdf import NetCDF
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.plugins import optional
 
 # What no log writes on purpose: controls but the tab, and the mark of what could not be decoded.
@@ -78,7 +79,7 @@ def quoted_row(lines: list[str], delimiter: Delimiter) -> list[str] | None:
     return row if reader.line_num == len(lines) else None
 
 
-Column = list[str] | NDArray[np.float64]
+Column = list[str] | Array
 Chunk = tuple[NDArray[np.int64], dict[str, Column]]
 
 _LONGEST_QUOTE = 20  # lines that a quoted field may go over
@@ -493,7 +494,7 @@ def _refuse_text_options(file: LogFile, why: str) -> None:
     file.refuse_unused(TEXT_OPTIONS, f"{why}, no text", idle=0)
 
 
-def chosen(column: Column, kept: NDArray[np.bool_]) -> Column:
+def chosen(column: Column, kept: Flags) -> Column:
     """Return the rows of a column that are kept."""
     return [*compress(column, kept)] if isinstance(column, list) else column[kept]
 

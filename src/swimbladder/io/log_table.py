@@ -21,8 +21,8 @@ from swimbladder.io.columns import TEXT
 from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed, column_factor
 from swimbladder.io.log_rows import Column, Sheet, chosen, open_sheet
 from swimbladder.io.log_text import LogFile, counted
+from swimbladder.physics.arrays import Array, Flags
 
-Array = NDArray[np.float64]
 Instant = Callable[[str], tuple[float, bool]]
 
 _ISO = re.compile(r"\d{4}-?\d\d-?\d\d[T ]\d\d")
@@ -211,7 +211,7 @@ class RowTest:
         except ValueError:
             self._number = math.nan
 
-    def of(self, column: Column) -> NDArray[np.bool_]:
+    def of(self, column: Column) -> Flags:
         """Return for each row whether it holds the value; remember which ones there are."""
         texts = [text.strip() for text in column_texts(column)]
         if len(self.seen) <= _CHOICES:
@@ -536,7 +536,7 @@ class Table:
     times: TimeColumn
     labels: Mapping[str, tuple[str, ...]]
 
-    def only(self, kept: NDArray[np.bool_] | NDArray[np.int64]) -> Table:
+    def only(self, kept: Flags | NDArray[np.int64]) -> Table:
         """Return the table with the rows `kept`, a mask or an order."""
         values = {name: column[kept] for name, column in self.values.items()}
         return replace(self, values=values, line=self.line[kept])

@@ -36,13 +36,13 @@ from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.log_rows import Sheet, open_sheet
 from swimbladder.io.log_table import Table, TimeColumn, read_table
 from swimbladder.io.log_text import LogFile, counted
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-Array = NDArray[np.float64]
 
 _ABOVE = 0.5  # m above the surface, that a sensor may be off
 
@@ -160,7 +160,7 @@ class Log:
     volume_absolute: bool = False
     piston_absolute: bool = False
     line: NDArray[np.int64]
-    suspect: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    suspect: Flags = field(default_factory=lambda: np.zeros(0, dtype=bool))
     gaps: tuple[tuple[float, float], ...] = ()  # s
     report: tuple[str, ...] = ()
     times: TimeColumn = field(default_factory=TimeColumn)
@@ -179,7 +179,7 @@ class Log:
         held = [name for name in names if getattr(self, name) is not None]
         return f"Log({self.source!r}: {len(self)} samples in {span:g} s, {', '.join(held)})"
 
-    def only(self, kept: NDArray[np.bool_]) -> Log:
+    def only(self, kept: Flags) -> Log:
         """Return the log with the samples that are `kept` (an array of its length)."""
         arrays = ((n, values) for n, values in vars(self).items() if isinstance(values, np.ndarray))
         chosen: dict[str, Any] = {name: values[kept] for name, values in arrays}

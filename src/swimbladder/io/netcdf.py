@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from swimbladder.io.columns import plain_unit
 from swimbladder.io.files import write_through
 from swimbladder.io.log_text import LogFile, counted
+from swimbladder.physics.arrays import Array
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -103,7 +104,6 @@ def write_netcdf(path: str | Path, dataset: xr.Dataset) -> Path:
     return write_through(path, partial(dataset.to_netcdf, engine="h5netcdf"))
 
 
-Array = NDArray[np.float64]
 _GOOD = "1258"
 _UNJUDGED = "09"  # no quality control, and missing: NaN shows the second
 

@@ -21,8 +21,8 @@ from swimbladder.io.log_rows import Sheet
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, read_bytes
 from swimbladder.io.netcdf import NetCDF
+from swimbladder.physics.arrays import Array
 
-Array = NDArray[np.float64]
 _DRAWN = ("power_W", "voltage_V", "current_A")
 _MEASURED = ("duration_s", "pressure_Pa", *_DRAWN, "volume_m3", "temperature_degC")
 RUN_COLUMNS = {name: name.rpartition("_")[2] for name in _MEASURED} | {"dive": "", "time_s": "s"}

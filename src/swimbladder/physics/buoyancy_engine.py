@@ -11,10 +11,11 @@ voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import reduced, unified
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.physics.steady_drives import (
@@ -38,8 +39,6 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
-
-Array = NDArray[np.float64]
 
 
 class DriveMap(NamedTuple):

@@ -10,12 +10,12 @@ Signals (voltages, currents, speeds, depths) may be arrays; a constant may be on
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import Supply, UnifiedActuator, Water
 
-_F = TypeVar("_F", float, NDArray[np.float64])
+_F = TypeVar("_F", float, Array)
 
 
 def winding_current(*, u: _F, omega: _F, R: float, k_emf: float) -> _F:

@@ -18,14 +18,14 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.column import ATMOSPHERE, slopes, water_compressibility
 from swimbladder.vehicle import Hull, HullPart, IdentifiedMotion, PhysicalMotion, Vehicle
 
-Array = NDArray[np.float64]
 _ZERO_CELSIUS = 273.15  # K
 _CONTRADICT = 0.02  # of the mass: sea water against fresh is more
 _IMPLIED = (0.1, 30.0)  # of it: of an identified motion, with the water that moves along

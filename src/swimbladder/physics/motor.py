@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.physics.actuator import unified
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import Actuator, ElectrohydraulicActuator, ElectromechanicalActuator, Water
 
 
@@ -87,11 +88,11 @@ def motor_poles(motor: FullMotor) -> tuple[complex, ...]:
 class StepResponse(NamedTuple):
     """What a motor does after a voltage step; arrays of one length."""
 
-    time: NDArray[np.float64]  # s
-    current: NDArray[np.float64]  # A
-    speed: NDArray[np.float64]  # rad/s
-    angle: NDArray[np.float64]  # rad
-    volume: NDArray[np.float64]  # m3
+    time: Array  # s
+    current: Array  # A
+    speed: Array  # rad/s
+    angle: Array  # rad
+    volume: Array  # m3
 
 
 def holding_voltage(motor: FullMotor, depth: float) -> float:
@@ -188,7 +189,7 @@ def inductance_error(
     )
 
 
-def _crossing(t: NDArray[np.float64], y: Any, level: float) -> float:
+def _crossing(t: Array, y: Any, level: float) -> float:
     """Time at which y first reaches the level, between samples by a line."""
     k = int(np.argmax(y >= level))
     return float(np.interp(level, y[k - 1 : k + 1], t[k - 1 : k + 1]))

@@ -21,12 +21,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.vehicle import Oil
 
-Array = NDArray[np.float64]
 Law = Callable[[Array], Array]
 POLYTROPIC = 1.4  # exponent of the air in a line: adiabatic, as a start takes a second
 _NODES, _WEIGHTS = leggauss(48)

@@ -3,9 +3,10 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.physics.actuator import unified
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.electric import SteadyDrive, largest_voltage, steady_drive, supply_current
 from swimbladder.vehicle import (
     CurvePump,
@@ -20,7 +21,6 @@ from swimbladder.vehicle import (
     Vehicle,
 )
 
-Array = NDArray[np.float64]
 REFERENCE_TEMPERATURE = 15.0  # degC at which the power of a pump is stated
 
 

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import PurePath
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator import ActuatorIdentification, Estimate
@@ -20,8 +19,6 @@ from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled, severity
 from swimbladder.show.picture import Ink, Panel, Picture, one_panel, stacked
 from swimbladder.units import rounded, unit_factor
-
-Array = NDArray[np.float64]
 
 _STEADY = 0.02  # of the largest voltage: the same
 _FEWEST = 5  # samples that show a speed

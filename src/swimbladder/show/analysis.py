@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.linear.pump_valve import drive_rates
+from swimbladder.physics.arrays import Array
 from swimbladder.show.parts import Drawn, Part, Shown, Table
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of, one_panel, stacked
 from swimbladder.show.text import as_text
@@ -175,7 +176,7 @@ def _bent(least: float, most: float) -> tuple[Callable[[float], float], dict[flo
 
 
 def _crosses(
-    panel: Panel, x: NDArray[np.float64], values: NDArray[np.complex128], color: str, **given: Any
+    panel: Panel, x: Array, values: NDArray[np.complex128], color: str, **given: Any
 ) -> None:
     says = [f"{v.real:.5g} {'+-'[v.imag < 0.0]} {abs(v.imag):.5g} i" for v in values.tolist()]
     panel.dots(x, values.imag, "x", color, size=9.0, says=says, **given)
@@ -219,7 +220,7 @@ def _with_phases(picture: Picture) -> Picture:
     return picture
 
 
-def _phase(values: NDArray[np.complex128]) -> NDArray[np.float64]:
+def _phase(values: NDArray[np.complex128]) -> Array:
     return np.degrees(np.unwrap(np.angle(values)))
 
 
@@ -235,9 +236,7 @@ def _mark_gains(panel: Panel, place: _Break) -> None:
             panel.text(at, 1.0 / k, f"gain × {k:.3g}", color=place.color, shift=(7.0, down))
 
 
-def _mark_phase(
-    panel: Panel, place: _Break, w: NDArray[np.float64], phase: NDArray[np.float64]
-) -> None:
+def _mark_phase(panel: Panel, place: _Break, w: Array, phase: Array) -> None:
     """Draw the distance of the phase from -180 degrees where |L| is 1."""
     m = place.margins
     assert m is not None

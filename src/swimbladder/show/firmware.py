@@ -7,18 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.codegen.board import BoardAnswer
 from swimbladder.codegen.golden import BoardProgram
 from swimbladder.codegen.library import Library, meanings, write_library
 from swimbladder.control.supervisor import Reason
+from swimbladder.physics.arrays import Array
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Part, Shown, Table
 from swimbladder.show.picture import Ink, Picture, stacked
 from swimbladder.units import rounded
 
-Array = NDArray[np.float64]
 _COMMANDS = {
     "voltage": ("voltage [V]", 1.0),
     "volume": ("volume asked for [cm³]", 1e6),

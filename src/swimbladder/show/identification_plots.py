@@ -9,16 +9,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import chi2, norm
 
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import NAMES, Estimate, ExperimentFit, Identification
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.show.picture import Axis, Ink, Panel, Picture, grid_of, one_panel
 from swimbladder.units import rounded, shown_unit, unit_factor
-
-Array = NDArray[np.float64]
 
 _PRETTY = {"1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²"}
 _SYMBOL = {
@@ -317,7 +315,7 @@ def _own_correlation(e: ExperimentFit) -> Array:
     return np.array([float(u[: n - k] @ u[k:]) / power if power else 0.0 for k in range(most)])
 
 
-def _outliers(e: ExperimentFit) -> NDArray[np.bool_]:
+def _outliers(e: ExperimentFit) -> Flags:
     return np.asarray(np.isfinite(e.residual) & (e.weight < _OUTLIER))
 
 

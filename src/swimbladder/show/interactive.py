@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.show.picture import (
     Area,
     Axis,
@@ -344,7 +345,7 @@ def _thin(data: list[dict[str, Any]]) -> None:
                 trace[name] = [_number(value) for value in trace[name].tolist()]
 
 
-def _extremes(y: NDArray[np.float64], buckets: int) -> NDArray[np.intp]:
+def _extremes(y: Array, buckets: int) -> NDArray[np.intp]:
     """Return where each of so many buckets has its least and its largest value, in order."""
     edges = np.linspace(0, len(y), buckets + 1).astype(int)
     kept = {0, len(y) - 1}

@@ -7,7 +7,6 @@ from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND, Placed
@@ -15,6 +14,7 @@ from swimbladder.design.law_comparison.run import RESULT, Row, front
 from swimbladder.io.answers import as_json
 from swimbladder.io.tables import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.physics.arrays import Array
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
@@ -51,7 +51,7 @@ class _Cost(NamedTuple):
     factor: float
     label: str
 
-    def of(self, comparison: LawComparison) -> NDArray[np.float64]:
+    def of(self, comparison: LawComparison) -> Array:
         costs = [row.cost(self.scenario, self.field) for row in comparison.rows]
         return self.factor * np.array(costs)
 

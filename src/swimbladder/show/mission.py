@@ -9,8 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Cast
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
@@ -29,7 +29,6 @@ from swimbladder.sim.mission.tables import (
 )
 from swimbladder.sim.mission.words import span_words
 
-Array = NDArray[np.float64]
 _NEAR_EMPTY = 50.0  # % of charge, below which zero is drawn too
 _LAYERS = 20  # in which speeds are drawn
 _MINUTE, _HOUR, _DAY = 60.0, 3600.0, 86400.0

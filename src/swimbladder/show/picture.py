@@ -15,7 +15,8 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Array = NDArray[np.float64]
+from swimbladder.physics.arrays import Array, Flags
+
 Axis = Literal["x", "y"]
 Some: TypeAlias = ArrayLike
 Limits = tuple[float | None, float | None]
@@ -210,7 +211,7 @@ class Panel:
         """Write a text; how: fields of `Note`."""
         self.marks.append(Note(float(x), float(y), text, **how))
 
-    def shade(self, time: Array, out: NDArray[np.bool_], label: str) -> None:
+    def shade(self, time: Array, out: Flags, label: str) -> None:
         """Shade the spans of time in which samples are left out."""
         edges = np.flatnonzero(np.diff(np.concatenate(([False], out, [False])).astype(int)))
         for first, after in zip(edges[::2], edges[1::2], strict=True):

@@ -6,15 +6,14 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Column
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.sim.closed_loop import Solution, StepMetrics, step_metrics
 
-Array = NDArray[np.float64]
 _SETTLED = 0.02  # of a step, as step_metrics has it
 
 

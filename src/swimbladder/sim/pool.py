@@ -24,10 +24,9 @@ from swimbladder.control.protocol import Does, PoolParameters, PoolState, proced
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop import Solution, drive, simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
-
-Array = NDArray[np.float64]
 
 _TRAVEL = 3.0  # m from rest at which a record ends, before the hull is near surface or bottom
 _REST = 10.0  # m, of rest without noise: it changes nothing where neither of them is met
@@ -329,7 +328,7 @@ def fit_speed(record: Record) -> Fit:
 
 
 def _fit(residual: Callable[[float, float], Array]) -> Fit:
-    def of_logarithms(x: NDArray[np.float64]) -> Array:  # in which both stay positive
+    def of_logarithms(x: Array) -> Array:  # in which both stay positive
         return residual(math.exp(x[0]), math.exp(x[1]))
 
     begin = [math.log(1e4), math.log(40.0)]

@@ -43,24 +43,23 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.estimates import Estimate
 from swimbladder.io.answers import Answer, as_json, attributes
 from swimbladder.io.pump_runs import PumpRuns
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 
-Array = NDArray[np.float64]
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _LET_IN = 0.1  # of the usual volume: less below 0 is a meter's noise
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
 
 
-def check_runs(runs: PumpRuns, kept: NDArray[np.bool_], *, depth_limit: float | None) -> None:
+def check_runs(runs: PumpRuns, kept: Flags, *, depth_limit: float | None) -> None:
     """Raise InputError where runs do more work on the sea than they take, or go too deep.
 
     depth_limit: of the vehicle [m]. Both mean a wrong unit: of pressure, volume, power or time.
@@ -88,7 +87,7 @@ def _wrong_pressure(what: str, pressure: float, remedy: str) -> InputError:
     return InputError(what, field="pressure_Pa", unit="Pa", value=pressure, remedy=remedy)
 
 
-def _let_in(runs: PumpRuns, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _let_in(runs: PumpRuns, kept: Flags) -> Flags:
     """Return which runs let volume in, which no pump does: those of a valve.
 
     Raises InputError where these are most: a sign is wrong.
@@ -107,7 +106,7 @@ def _let_in(runs: PumpRuns, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return found
 
 
-def check_groups(runs: PumpRuns, kept: NDArray[np.bool_], groups: Array) -> None:
+def check_groups(runs: PumpRuns, kept: Flags, groups: Array) -> None:
     """Raise NoAnswerError or InputError where runs are too few, too alike or of no sea."""
     what = "runs" if runs.dive is None else "dives"
     if len(groups) < FEWEST:
@@ -257,7 +256,7 @@ class PumpFit(Answer):
     """The fit to runs of a pump."""
 
     runs: PumpRuns
-    kept: NDArray[np.bool_]  # the runs that count
+    kept: Flags  # the runs that count
     parameters: dict[str, Estimate]
     power_rms: float  # W, of the powers
     volume_rms: float  # m3, of the volumes; NaN without
@@ -422,7 +421,7 @@ class _Law(NamedTuple):
     """A linear law fitted to some of the runs: `measured` of these, `rows` of all."""
 
     names: list[str]
-    rows: NDArray[np.bool_]
+    rows: Flags
     dive: Array
     measured: Array
     found: Least
@@ -453,7 +452,7 @@ class _Law(NamedTuple):
         return cls([*columns], rows, dive, y, found, predicted, missed)
 
 
-def _by_volume(runs: PumpRuns, volume: Array, rows: NDArray[np.bool_]) -> bool:
+def _by_volume(runs: PumpRuns, volume: Array, rows: Flags) -> bool:
     """Whether runs were commanded by their volume rather than by their time."""
     V, t = volume[rows], runs.duration[rows]
     return bool(np.std(V) * np.mean(t) < _ALIKE * np.std(t) * np.mean(V))
@@ -478,7 +477,7 @@ def _delivery(runs: PumpRuns, volume: Array, dive: Array, start: bool, by_volume
         names.pop(least)
 
 
-def _reference(runs: PumpRuns, kept: NDArray[np.bool_]) -> float | None:
+def _reference(runs: PumpRuns, kept: Flags) -> float | None:
     """Return the median voltage [V] of the runs, None where too few have one or it is the same."""
     if runs.voltage is None:
         return None
@@ -521,7 +520,7 @@ def _blocks(count: int) -> Array:
     return np.asarray(np.floor(np.arange(count) * min(1.0, _BLOCKS / max(count, 1))))
 
 
-def _warm(runs: PumpRuns, kept: NDArray[np.bool_]) -> Array | None:
+def _warm(runs: PumpRuns, kept: Flags) -> Array | None:
     """Return the temperatures [degC] where they show a dependence, None otherwise."""
     T = runs.temperature
     if T is None:

@@ -36,11 +36,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.design.energy.fit import PumpFit, voltage_factor
 from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, as_json, attributes, plain
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, oil_note, steady_point
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import neutral_volume
@@ -55,7 +55,6 @@ if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle
 
 
-Array = NDArray[np.float64]
 SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
 _DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep
 _DEEPEST_SEA = 1.12e8  # Pa, the bottom of the Challenger Deep: further down there is no stall
@@ -163,7 +162,7 @@ def _out(p: Array, rate: Array, power: Array) -> tuple[Array, Array]:
     return per_volume, _ratio(p, per_volume, drawn)
 
 
-def _ratio(a: Array, b: Array, where: NDArray[np.bool_]) -> Array:
+def _ratio(a: Array, b: Array, where: Flags) -> Array:
     """Return a/b, NaN elsewhere."""
     return np.asarray(np.divide(a, b, out=np.full(where.shape, np.nan), where=where))
 

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.design.plan import Move
 from swimbladder.errors import InputError
@@ -29,12 +28,11 @@ from swimbladder.estimation.motion.problem import (
     Problem,
     Segment,
 )
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)

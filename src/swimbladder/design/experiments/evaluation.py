@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.design.experiments.conditions import (
-    Array,
     Conditions,
     Flight,
     Release,
@@ -24,6 +23,7 @@ from swimbladder.estimation.estimates import Estimate, Finding
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
 from swimbladder.estimation.motion.fit import fit, inverse_of
 from swimbladder.estimation.motion.problem import DRIFT, NAMES, VOLUME, Problem
+from swimbladder.physics.arrays import Array
 
 
 class OmittedVariable(NamedTuple):

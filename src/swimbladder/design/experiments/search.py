@@ -17,7 +17,6 @@ import numpy as np
 from scipy.optimize import minimize
 
 from swimbladder.design.experiments.conditions import (
-    Array,
     Conditions,
     Release,
     Setting,
@@ -27,6 +26,7 @@ from swimbladder.design.experiments.conditions import (
 from swimbladder.design.plan import Move
 from swimbladder.errors import InputError
 from swimbladder.io.progress import Advance
+from swimbladder.physics.arrays import Array
 
 _SIZES = 7
 _SECOND = (1.0, 0.5, 0.0)  # of the first volume, with the other sign; 0: coasting

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.control.law import leaves
 from swimbladder.control.registry import bind
@@ -41,6 +41,7 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
@@ -49,9 +50,6 @@ from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import depth_error, medium_of
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
-
 
 _SHOWN = 900.0  # s of the first run of a hold that are kept to be drawn; of a step all of it
 
@@ -131,7 +129,7 @@ def fly_scenario(
     return found, time[kept], depth[kept, 0]
 
 
-def front(costs: ArrayLike) -> NDArray[np.bool_]:
+def front(costs: ArrayLike) -> Flags:
     """Return which rows of costs [rows, kinds], all to be small, no other row beats.
 
     A row beats another where it is nowhere worse and somewhere better. nan: worse than any number;

@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.design.linear.models import Array, StateSpace, balancing_scale
+from swimbladder.design.linear.models import StateSpace, balancing_scale
+from swimbladder.physics.arrays import Array
 
 Complex = NDArray[np.complex128]
 

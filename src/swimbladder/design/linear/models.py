@@ -24,10 +24,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, State, acceleration, motor_rhs
 from swimbladder.sim.engine.cache import compiled, part
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 

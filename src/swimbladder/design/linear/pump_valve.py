@@ -31,12 +31,12 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, Measurement, Way, from_leaves, leaves
 from swimbladder.control.rate import RATE
 from swimbladder.design.linear.depths import Stall
 from swimbladder.design.linear.models import exponential_of
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import drive_map, running_pump
 from swimbladder.physics.dynamics import Plant, drag_law, even_drag
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -179,8 +179,6 @@ def _last(goes: Callable[[float], bool]) -> float:
         return 0.0
     return float(bisect(lambda z: 1.0 if goes(z) else -1.0, 0.0, _DEEPEST))
 
-
-Array = NDArray[np.float64]
 
 _OFF = 1e-4  # of a speed, by which the law is made to act
 _SMALL = 1e-6  # of the way between two decisions: a step of the differences

@@ -35,7 +35,8 @@ from swimbladder.design.linear.margins import (
     loop_margins,
     spectral_radius,
 )
-from swimbladder.design.linear.models import Array, StateSpace, exponential_of, linearise
+from swimbladder.design.linear.models import StateSpace, exponential_of, linearise
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 
 _INPUTS = ("depth", "volume", "reference")

@@ -28,13 +28,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import coo_array, csc_matrix, csr_array, eye_array, vstack
 
-from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.task import STATES, Steps, Task
 from swimbladder.errors import NoAnswerError
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import Winding, known_winding
 
 # On scaled rows: the dual simplex method, then an interior-point method with a crossover.
@@ -135,8 +134,6 @@ def _unsolved(problem: Problem, why: str) -> NoAnswerError:
     what = f"the {kind} program of {len(problem.cost)} variables was not solved ({why})"
     return NoAnswerError(f"{what}: plan with a longer sample time (`sample_time=`)")
 
-
-Flags = NDArray[np.bool_]
 
 _NEGLIGIBLE = 1e-12  # coefficients of scaled rows that only spoil the solver's pivots
 

@@ -19,11 +19,11 @@ from typing import NamedTuple, Protocol, Unpack
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from swimbladder.design.linear.models import Array
-from swimbladder.design.planning.linear_program import Flags, Goal, Near, Solved, scale_of, solve
+from swimbladder.design.planning.linear_program import Goal, Near, Solved, scale_of, solve
 from swimbladder.design.planning.task import STATES, Limits, Steps, Task, steps_along, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant
 from swimbladder.vehicle import Vehicle
 

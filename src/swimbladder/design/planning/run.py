@@ -7,7 +7,6 @@ from typing import Any, Unpack
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from swimbladder.design.linear.models import Array
 from swimbladder.design.planning.linear_program import (
     Goal,
     Near,
@@ -32,6 +31,7 @@ from swimbladder.design.planning.task import Limits, Steps, Task, task_of
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypedDict
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
-from swimbladder.design.linear.models import Array, exponential_of, linearise, operating_point
+from swimbladder.design.linear.models import exponential_of, linearise, operating_point
 from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.errors import InputError, NoAnswerError, check_number
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, drag_law, plant
 from swimbladder.vehicle import Vehicle
 
@@ -36,7 +36,7 @@ class Steps(NamedTuple):
     c: Array
 
 
-def steps_along(p: Plant, h: float, speed: Array, back: NDArray[np.bool_]) -> Steps:
+def steps_along(p: Plant, h: float, speed: Array, back: Flags) -> Steps:
     """Return the steps of h [s] about a course.
 
     speed [n + 1] in m/s. back: in which samples [n] the motor is driven back.

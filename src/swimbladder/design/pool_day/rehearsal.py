@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control import protocol
 from swimbladder.control.cascade import CascadeParameters
@@ -29,7 +28,7 @@ from swimbladder.control.protocol import timed_voltage
 from swimbladder.control.registry import bind
 from swimbladder.design.plan import Move
 from swimbladder.design.pool_day.day import News, PoolDay, Task
-from swimbladder.design.pool_day.segments import Array, Rules, Sample
+from swimbladder.design.pool_day.segments import Rules, Sample
 from swimbladder.design.pool_day.verdict import State
 from swimbladder.errors import (
     InputError,
@@ -44,6 +43,7 @@ from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
 
@@ -325,7 +325,7 @@ class GrowingLog:
         self.trouble: LogError | None = None
         self.cost = 0.0  # s, of the last reading
         self._data = b""
-        self._known: NDArray[np.float64] = np.empty((0, 3))
+        self._known: Array = np.empty((0, 3))
 
     def read_new(self) -> Growth:
         """Return what is new; raises LogError where the file is no such log."""
@@ -353,7 +353,7 @@ class GrowingLog:
         self._data, self._known = data, rows
         return Growth([Sample(*row) for row in rows[0 if new else n :].tolist()], new, "grown")
 
-    def _rows(self, data: bytes) -> NDArray[np.float64] | None:
+    def _rows(self, data: bytes) -> Array | None:
         """Return all rows of the text; None where it is too short to be a log yet."""
         folder = temporary_folder(Path(tempfile.gettempdir()))
         try:
@@ -372,7 +372,7 @@ class GrowingLog:
         return rows
 
 
-def samples_of(log: Log, vehicle: Vehicle) -> NDArray[np.float64]:
+def samples_of(log: Log, vehicle: Vehicle) -> Array:
     """Return time [s], depth [m] and volume [m3] of a log as rows.
 
     Raises LogError where the log has no volume.

@@ -18,9 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit, polyval
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from swimbladder.physics.arrays import Array
 
 _SURE = 4.0  # standard errors of a trend that is one
 _HALF = 4  # samples to either side of one, that show whether the piston stands
@@ -228,7 +227,7 @@ class Cut(NamedTuple):
         """The samples since the release."""
         return [s for s in self.samples if s.time >= self.released]
 
-    def columns(self) -> dict[str, NDArray[np.float64]]:
+    def columns(self) -> dict[str, Array]:
         """Return the columns of a log that `identify` reads.
 
         The volume counts from where the vehicle was neutral: the mean over the minute of rest. So

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from swimbladder.errors import InputError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.physics.actuator import unified
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import (
     Driver,
     ElectrohydraulicActuator,
@@ -245,9 +245,6 @@ def load_parts(path: str | Path | None = None) -> Parts:
         remedy = "Add [[pumps]] (and [[amplifiers]]), or [[gears]], [[screws]] and [[pistons]]"
         raise InputError(what, file=path, field="pumps", remedy=remedy)
     return parts
-
-
-Array = NDArray[np.float64]
 
 
 class Hydraulic(NamedTuple):

@@ -12,10 +12,10 @@ from statistics import NormalDist
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from swimbladder.design.sizing.candidates import Array, Batch
+from swimbladder.design.sizing.candidates import Batch
 from swimbladder.errors import InputError, check_number
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.battery import needed_capacity, share_in_cold
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.electric import (
@@ -111,10 +111,10 @@ class Requirements:
     """
 
     dive: Dive
-    depth: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    moved: NDArray[np.float64]
-    neutral: NDArray[np.float64]
+    depth: Array
+    pressure: Array
+    moved: Array
+    neutral: Array
     drive: float
     trim: float
     stroke: float
@@ -303,7 +303,7 @@ class Evaluation:
         return min(self.margins, key=lambda name: self.margins[name][index])
 
     @property
-    def feasible(self) -> NDArray[np.bool_]:
+    def feasible(self) -> Flags:
         """Whether a candidate meets every requirement [n]."""
         return self.worst >= 1.0
 

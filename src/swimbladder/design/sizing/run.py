@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.design.sizing.candidates import (
     PARTS,
@@ -31,6 +30,7 @@ from swimbladder.design.sizing.evaluation import (
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column, uniform_column
@@ -221,13 +221,13 @@ def _check(body: Vehicle, dive: Dive, max_piston_stroke: float, max_mass: float)
     check_number(max_mass, "max_mass", "kg", above=0.0, finite=False)
 
 
-def _score(evaluation: Evaluation, goal: Least) -> NDArray[np.float64]:
+def _score(evaluation: Evaluation, goal: Least) -> Array:
     """What is to be small, infinite for what does not do; ties go to the lighter."""
     first = evaluation.mass if goal == "mass" else evaluation.cycle_energy + 1e-6 * evaluation.mass
     return np.where(evaluation.feasible, first, np.inf)
 
 
-def _best(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -> int:
+def _best(batch: Batch, evaluation: Evaluation, score: Array) -> int:
     """The best; of those as good to 0.2 %, the one of the lowest supply and most of its voltage.
 
     Supply and winding hardly change mass and energy, but no driver runs well at a tenth of its
@@ -250,7 +250,7 @@ def _pareto(evaluation: Evaluation) -> list[int]:
     return front
 
 
-def _choices(batch: Batch, evaluation: Evaluation, score: NDArray[np.float64]) -> list[Choice]:
+def _choices(batch: Batch, evaluation: Evaluation, score: Array) -> list[Choice]:
     """The best drive with each part in it, or what is in the way of one."""
     members: dict[tuple[str, str], list[int]] = {}
     for index, combination in enumerate(batch.of):

@@ -29,7 +29,6 @@ from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from swimbladder.control.around import State, around, law_initial, law_step
@@ -44,11 +43,10 @@ from swimbladder.design.tuning.trial import Drawn, Step, measure, traces
 from swimbladder.io.answers import as_json, plain
 from swimbladder.io.progress import Advance
 from swimbladder.jobs import Store
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 _STARTS = 3  # of the search
 _CALLS = 60  # of a search, for each unknown

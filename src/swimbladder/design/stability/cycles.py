@@ -72,10 +72,10 @@ from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, discretise, loop_of
 from swimbladder.design.tuning.margins import least_band
 from swimbladder.design.tuning.trial import Runs, fly
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 _TURN = 4096  # points of a period

@@ -46,11 +46,10 @@ from swimbladder.design.tuning.trial import arrivals, fly, held_before
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, acceleration, plant
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 _FASTEST = 50.0  # m/s, beyond any vehicle's speed
 _PIECE = 20.0  # s, between two checks at where it is
@@ -166,7 +165,7 @@ class Map:
     verdicts: NDArray[np.int64]  # [rows, columns]
     seconds: Array  # s, until it stays in the band; nan where it does not
     edge: Array  # of y, over x: beyond it no controller; inf where there is none
-    hopeless: NDArray[np.bool_]  # [rows, columns], beyond what any controller can do
+    hopeless: Flags  # [rows, columns], beyond what any controller can do
 
     def count(self, verdict: Verdict) -> int:
         """Return how many cells have a verdict."""
@@ -206,7 +205,7 @@ class Recovery:
         return rating if self.bound.law.ways is not None and rating is not None else math.inf
 
     def run(
-        self, starts: Array, asked: NDArray[np.bool_], rests: bool, advance: Advance
+        self, starts: Array, asked: Flags, rests: bool, advance: Advance
     ) -> tuple[NDArray[np.int64], Array]:
         """Return verdicts and times [s] of runs.
 
@@ -275,7 +274,7 @@ def recovery_maps(
     held = holdable_depth(p)
     maps: list[Map] = []
 
-    def add(starts: tuple[ArrayLike, ...], asked: NDArray[np.bool_], **about: Any) -> None:
+    def add(starts: tuple[ArrayLike, ...], asked: Flags, **about: Any) -> None:
         stacked = np.stack(np.broadcast_arrays(*starts))
         rests = about["name"] == "steps"
         verdicts, seconds = recovery.run(stacked, asked, rests, lambda x: advance(0.25 * x))

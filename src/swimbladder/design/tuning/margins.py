@@ -12,7 +12,6 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement, leaves
 from swimbladder.control.rate import RateParameters
@@ -185,8 +184,6 @@ def _halves(p: Plant, omega: float, amplitude: float) -> float:
         return 1.0 / (q * amplitude) if q > 0.0 else math.inf
     return math.log((2.0 * b + q * amplitude) / (b + q * amplitude)) / b
 
-
-Array = NDArray[np.float64]
 
 _POINTS = 160  # frequencies of a rough look
 _NEAR = 10.0  # m to either side of a depth, over which the water's own psi is taken

@@ -14,16 +14,14 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from swimbladder.design.linear.pump_valve import moved_by_volume, with_drag
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import INPUTS, Spread
-
-Array = NDArray[np.float64]
 
 UNKNOWN = 0.05  # of K2 and T2, or of mass and drag, where nothing was identified
 NEUTRAL = 2e-6  # m3, where nothing is known: either way

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.law import Law, leaves
@@ -24,6 +23,7 @@ from swimbladder.design.tuning.trial import Trial
 from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
@@ -279,7 +279,7 @@ class _Request:
     supervised: bool
     around: Region
     judged: tuple[float, ...]  # m, where margins are computed
-    off: NDArray[np.float64]  # m3, that a cast adds to the neutral volume over these depths
+    off: Array  # m3, that a cast adds to the neutral volume over these depths
     least_time: float  # s, of the step; nan where it does not count
 
     def tuned(self, name: str, advance: Advance) -> Tuning:
@@ -545,7 +545,7 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
     ]
 
 
-def _in_water(column: Column | None, off: NDArray[np.float64], *, pumped: bool) -> list[str]:
+def _in_water(column: Column | None, off: Array, *, pumped: bool) -> list[str]:
     """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume."""
     if column is None:
         return []

@@ -21,6 +21,7 @@ from swimbladder.control.law import leaves
 from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import Winding, drive_map, winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.electric import electrical_power, largest_voltage, winding_current
@@ -29,8 +30,6 @@ from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.water import SEAS, Medium, depth_error, medium_of
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 
 def electrical_energy(
@@ -117,7 +116,7 @@ class Runs(NamedTuple):
     overshoot: Array  # -, of the step
     energy: Array  # J; work on the water of a float of unknown power; nan where not asked for
     drive_runs: Array  # of pump and valve; nan of a motor
-    stopped: NDArray[np.bool_]  # ended early: out of the water, or far too deep
+    stopped: Flags  # ended early: out of the water, or far too deep
     alarm: NDArray[np.int64]  # number of the supervisor's reason to take over; 0: none
     seconds: bool = False  # whether the command is of a float's board: of this tick, + the pump
 
@@ -322,7 +321,7 @@ def percentile(values: Array, share: float) -> float:
     return found if np.isfinite(found) else float("nan")
 
 
-def arrivals(time: Array, outside: NDArray[np.bool_]) -> Array:
+def arrivals(time: Array, outside: Flags) -> Array:
     """Return since when runs stay inside [s], inf where never; outside [samples, runs]."""
     last = len(time) - np.argmax(outside[::-1], axis=0)
     last[~outside.any(axis=0)] = 0

@@ -19,8 +19,9 @@ from swimbladder.io.columns import mapped_column
 from swimbladder.io.float_log import Device, FloatLog, table_log
 from swimbladder.io.log_format import LogColumn
 from swimbladder.io.log_rows import Sheet
-from swimbladder.io.log_table import Array, Table, read_table
+from swimbladder.io.log_table import Table, read_table
 from swimbladder.io.log_text import LogFile, counted
+from swimbladder.physics.arrays import Array
 
 _ACTIONS = {
     "time_s": LogColumn(name="time_s_since_day0", unit="s"),

@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError, Parameter
 from swimbladder.io.columns import plain_unit
@@ -27,9 +26,9 @@ from swimbladder.io.float_log import Device, FloatLog, table_log
 from swimbladder.io.log_formats.argo import refuse_several
 from swimbladder.io.log_text import LogFile, counted, read_bytes
 from swimbladder.io.netcdf import NetCDF
+from swimbladder.physics.arrays import Array
 from swimbladder.units import unit_factor
 
-Array = NDArray[np.float64]
 _RUNS: dict[str, Device] = {"PUMP_ACTION_DURATION": "pump", "VALVE_ACTION_DURATION": "valve"}
 _BESIDE = ("{}_tech_aux.nc", "auxiliary/{}_tech_aux.nc", "{}_tech.nc")
 _BEGUN, _UP = 100, 600  # measurement codes: descent begins, ascent ends

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.column import Column, grid
 
-Array = NDArray[np.float64]
 _problem = partial(InputError, field="cast")
 _DBAR = 1e4  # Pa
 _LAYER = 10.0  # dbar

@@ -14,15 +14,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import check_number
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import Water
 
 if TYPE_CHECKING:
     from swimbladder.physics.seawater.cast import Cast
 
-Array = NDArray[np.float64]
 ATMOSPHERE = 101325.0  # Pa, standard atmosphere
 _SALINITY = 35.0  # g/kg, of sea water, to make a temperature conservative
 

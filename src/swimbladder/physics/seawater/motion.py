@@ -12,14 +12,12 @@ import math
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.column import Column
 from swimbladder.vehicle import Parameters, Unit
-
-Array = NDArray[np.float64]
 
 
 class InternalWave(Parameters):

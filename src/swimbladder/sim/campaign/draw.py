@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.rodas.records import made
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle.spread import INPUTS, Spread
 
-Array = NDArray[np.float64]
 _CUT = 3.0  # sigma; a share of -1 or a drag of 0 is no float
 
 

@@ -16,6 +16,7 @@ from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Workers, run
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.seawater import Cast, Column
 from swimbladder.sim.campaign.draw import Design, Index, indices
 from swimbladder.sim.campaign.run import Floats
@@ -25,7 +26,6 @@ from swimbladder.sim.mission.words import REASONS
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.void]  # of `store.ROW`
 
 
@@ -73,7 +73,7 @@ def prediction_interval(values: Array, level: float = 0.95) -> tuple[float, floa
 _HALF = 0.5  # so that 0 has a logarithm
 
 
-def good_floats(table: Rows) -> NDArray[np.bool_]:
+def good_floats(table: Rows) -> Flags:
     """Return which floats flew every cycle that was asked for, with every phase done."""
     return np.asarray((table["stop"] == Stop.FINISHED) & (table["phases_missed_in_all"] == 0.0))
 
@@ -127,7 +127,7 @@ class Sensitivity:
     asked: int
 
     @property
-    def good(self) -> NDArray[np.bool_]:
+    def good(self) -> Flags:
         """Which floats of the design did every phase of every cycle."""
         return good_floats(self.table)
 
@@ -237,7 +237,7 @@ class Campaign(Answer):
         return bool((self if self.sensitivity is None else self.sensitivity).good.all())
 
     @property
-    def good(self) -> NDArray[np.bool_]:
+    def good(self) -> Flags:
         """Which floats flew every cycle that was asked for, with every phase done."""
         return good_floats(self.table)
 

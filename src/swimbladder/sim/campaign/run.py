@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import identity, software
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.draw import Design, Drawn, draw, varied
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
@@ -27,7 +27,6 @@ from swimbladder.sim.mission.prepare import Plan, State, cost_words, first_state
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.spread import Spread
 
-Array = NDArray[np.float64]
 CHUNK = 50  # floats at most
 _PARTS = 16  # chunks that a small campaign has all the same
 MOST = 1_000_000

@@ -28,12 +28,12 @@ from swimbladder.io.answers import plain
 from swimbladder.io.files import make_folder, unfinished
 from swimbladder.io.netcdf import described, meaning, of_type
 from swimbladder.jobs import place_files, release
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.rodas.records import Stop
 
 if TYPE_CHECKING:
     import zarr
 
-Array = NDArray[np.float64]
 MARKER = "flown"
 _MOST_WIDE = 1024  # cycles in a chunk
 

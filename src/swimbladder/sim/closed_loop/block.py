@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, from_numbers, leaf_names
 from swimbladder.io.progress import Advance, silent, so_far
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.lane import RECORDED, Lanes, Like, Row, rows
 from swimbladder.sim.closed_loop.lanes import Schedule, measure_block, start_block
@@ -25,7 +26,6 @@ from swimbladder.sim.engine.chain import COEFFICIENTS, LEVELS
 from swimbladder.sim.engine.modes import COUNT, NO_LAYERS, Layers
 from swimbladder.vehicle import Sensors
 
-Array = NDArray[np.float64]
 _V_0 = Row.PLANT + Plant._fields.index("V_0")
 _CHUNK = 4096  # ticks between calls: progress, interruption, memory of the noise
 _SHOWN = 256  # ticks between calls of `advance` where every tick is a call

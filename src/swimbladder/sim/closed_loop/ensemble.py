@@ -15,13 +15,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from swimbladder.control.law import Law, leaves
 from swimbladder.control.supervisor import Reason
 from swimbladder.errors import InputError
 from swimbladder.io.netcdf import Variable, cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.block import Block, schedule, work_space
@@ -45,8 +46,6 @@ from swimbladder.vehicle.schema import did_you_mean
 
 if TYPE_CHECKING:
     import xarray
-
-Array = NDArray[np.float64]
 
 
 def vary_plants(

@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import Polynomial
-from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, leaves
 from swimbladder.control.pump_valve import DriveParameters, SurfacingParameters, timed
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, drive_map, running_pump
 from swimbladder.physics.dynamics import DragTerms, Plant, drag_force
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -131,7 +131,7 @@ def board_law(
     return BoardLaw(made, made.parameters(parameters, surface, board), rate_error, start_error)
 
 
-def _battery(vehicle: Vehicle, a: PumpAndValve, head: NDArray[np.float64]) -> dict[str, float]:
+def _battery(vehicle: Vehicle, a: PumpAndValve, head: Array) -> dict[str, float]:
     """Return what the board knows of a pump's battery, of heads from the surface on [Pa] [n].
 
     A motor at a steady load is as much slower as its voltage is lower, at every depth. A pump as
@@ -167,9 +167,7 @@ def flown_law(
     return law, parameters, watch
 
 
-def _fitted(
-    x: NDArray[np.float64], y: NDArray[np.float64], degree: int, unit: NDArray[np.float64]
-) -> tuple[list[float], float]:
+def _fitted(x: Array, y: Array, degree: int, unit: Array) -> tuple[list[float], float]:
     """Return the coefficients of a polynomial, and the most by which it is off, in a unit [n]."""
     if np.ptp(y) == 0.0:
         return [float(y[0])] + degree * [0.0], 0.0
@@ -181,7 +179,6 @@ def _fitted(
 RATES = ("pump", "valve")
 """What a lane's drive may give over what its processor knows."""
 
-Array = NDArray[np.float64]
 _EXACT = Accuracy(
     relative=1e-6, depth=1e-5, speed=1e-7, volume=1e-12, rest_deep=1e-4, rest_afloat=1e-3
 )

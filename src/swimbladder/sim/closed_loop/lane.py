@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_step, scatter_where
 from swimbladder.sim.engine import modes
@@ -100,9 +101,6 @@ assert Row.PLANT == Row.STEP + N_STEP
 def rows(n_parameters: int, n_state: int) -> int:
     """Return the number of rows of a block's array for a law of so many numbers."""
     return int(Row.LAW) + n_parameters + n_state
-
-
-Array = NDArray[np.float64]
 
 
 @inlined

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.law import Measurement
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop.dispatch import extent, gather, law_initial, scatter_where
 from swimbladder.sim.closed_loop.lane import (
     N_PLANT,
@@ -41,9 +42,6 @@ from swimbladder.sim.engine.cache import compiled, inlined, part, shared, wide
 from swimbladder.sim.engine.chain import exponential_step
 from swimbladder.sim.engine.modes import first_mode
 from swimbladder.sim.engine.sensor import Sensor, measured
-
-Array = NDArray[np.float64]
-
 
 OVER = 6  # why a lane stopped, beside engine.advance: by its hooks
 

@@ -26,6 +26,7 @@ from swimbladder.control.pump_valve import (
     SurfacingState,
     at_surface,
 )
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop.dispatch import (
     compilable,
     extent,
@@ -66,7 +67,6 @@ from swimbladder.sim.engine.rodas.drive import (
 from swimbladder.sim.engine.rodas.motion import inside, rate_of
 from swimbladder.sim.engine.rodas.records import Doing, Lane, Stop, lane_of
 
-Array = NDArray[np.float64]
 LAW_NOT_FINITE = 5  # why a lane stopped, beside engine.advance
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.single import check_start
@@ -146,7 +147,6 @@ def _check(t: Any, inputs: Any, name: str) -> None:
         raise InputError(what, field="time", value=float(t[wrong[0] + 1]), unit="s")
 
 
-Array = NDArray[np.float64]
 _FEW = 8  # halvings: without a motor the rates are those of drag and of psi
 _DEEPEST = 50.0  # m below the start, for the volume that psi may take
 

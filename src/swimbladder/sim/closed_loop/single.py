@@ -11,7 +11,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, Measurement, leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
@@ -19,6 +18,7 @@ from swimbladder.errors import InputError, check_number
 from swimbladder.io.mission import Mission, of_step, step_mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -121,9 +121,6 @@ def _understood(function: Callable[..., Any], said: Any, tick: float) -> tuple[f
             "these and the seconds until the next call",
         ) from None
     return command, math.ceil(ticks - 1e-9) if 1.0 < ticks < math.inf else max(1.0, ticks)
-
-
-Array = NDArray[np.float64]
 
 
 def simulate(

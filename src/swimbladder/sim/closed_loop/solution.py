@@ -25,6 +25,7 @@ from swimbladder.io.netcdf import (
     unless_dated,
 )
 from swimbladder.physics.actuator import reduced, unified
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.electric import electrical_power, supply_current, winding_current
 from swimbladder.sim.closed_loop.lane import RECORDED
@@ -203,9 +204,6 @@ def step_metrics(time: ArrayLike, depth: ArrayLike, *, start: float, target: flo
         settle2_s=settled,
         final_depth_m=float(z[-1]),
     )
-
-
-Array = NDArray[np.float64]
 
 
 class StopReason(Enum):

@@ -11,7 +11,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control import supervisor
 from swimbladder.control.law import Laws, from_numbers, leaf_names, numbers
@@ -22,13 +21,12 @@ from swimbladder.control.supervisor import (
     Watched,
 )
 from swimbladder.control.supervisor_limits import board_reach, command_limits, supervisor_parameters
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
 from swimbladder.sim.closed_loop.lane import Row, hook_in
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import inlined, shared
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 _LIMITS, _STATE = leaf_names(SupervisorParameters), leaf_names(SupervisorState)
 _DEPTH_LIMIT = _LIMITS.index("depth_limit")

@@ -28,9 +28,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, body_plant, plant
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import Column
@@ -103,9 +103,6 @@ def check_reach(column: Column, reach: float) -> None:
             unit="m",
             remedy="Take a cast that goes as deep, or ask for a lesser depth",
         )
-
-
-Array = NDArray[np.float64]
 
 
 class Swell(NamedTuple):

@@ -11,14 +11,10 @@ import math
 from enum import IntEnum
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import part, shared
 from swimbladder.sim.engine.modes import drag, layered, split, supply_limit
-
-Array = NDArray[np.float64]
 
 
 class Account(IntEnum):

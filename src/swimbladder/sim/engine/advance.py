@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.accounts import Account, decays, enter, enter_bend, enter_impact
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared
@@ -26,8 +27,6 @@ from swimbladder.sim.engine.chain import (
     exponential_step,
 )
 from swimbladder.sim.engine.modes import COUNT, Layers, event, first_mode, resting_volume, split
-
-Array = NDArray[np.float64]
 
 
 @part

@@ -12,14 +12,12 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.cache import compiled, inlined, part, shared
 from swimbladder.sim.engine.modes import A_B, EPSILON, NO_LAYERS, Layers, drag, layered, linear_part
-
-Array = NDArray[np.float64]
 
 _MOST_STEPS = 10_000  # a tick is divided into
 LEVELS = 21  # of halving: events are found to h/2^20

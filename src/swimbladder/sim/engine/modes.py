@@ -14,14 +14,12 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_law
 from swimbladder.physics.seawater import look_up
 from swimbladder.physics.seawater.column import look_up_bent, slopes
 from swimbladder.sim.engine.cache import inlined, part, shared
-
-Array = NDArray[np.float64]
 
 
 class Layers(NamedTuple):

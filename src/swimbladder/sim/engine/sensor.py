@@ -7,8 +7,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import inlined, part
 
 
@@ -29,9 +29,6 @@ def quantised(value: float, quantum: float) -> float:
 def measured(sensor: Sensor, true: float, normal: float) -> float:
     """Return the reading of a sensor; normal: a number of the standard normal distribution."""
     return float(quantised(true + sensor.noise * normal, sensor.quantum))
-
-
-Array = NDArray[np.float64]
 
 
 @part

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.io.answers import Answer, plain
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course, FaultRow, Result, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
 from swimbladder.units import rounded
-
-Array = NDArray[np.float64]
 
 _FIELDS = [
     ("start", np.float64),  # m
@@ -141,11 +140,11 @@ class FaultResult(Answer):
         return outcomes(self.faulty["flights"][:, flight], self.tick)
 
     @cached_property
-    def recoverable(self) -> NDArray[np.bool_]:
+    def recoverable(self) -> Flags:
         """Whether full buoyancy, 60 s after the last fault begins to act, brings each up."""
         return np.asarray(self.outcome(2) == Outcome.SURFACED)
 
-    def came_up(self, flight: int, *, ideal: int = 2) -> NDArray[np.bool_]:
+    def came_up(self, flight: int, *, ideal: int = 2) -> Flags:
         """Whether each mission of a flight surfaced, or was filled but up no later than in `ideal`.
 
         That flight, with ideal detection, stays for a minute; a leak fills both in the end.
@@ -177,7 +176,7 @@ class FaultResult(Answer):
         that has not shown before. A fault that is there from the start is no first one: full
         buoyancy 60 s later comes before the other has begun.
         """
-        ideal: NDArray[np.bool_] = self.outcome(3) == Outcome.SURFACED
+        ideal: Flags = self.outcome(3) == Outcome.SURFACED
         there = [number for number, kind in KINDS.items() if kind.from_start]
         begun = np.isin([self.fault_row(which, "kind") for which in (0, 1)], there).any(axis=0)
         return np.flatnonzero(ideal & ~self.recoverable & ~self.came_up(0, ideal=3) & ~begun)
@@ -302,7 +301,7 @@ class FaultResult(Answer):
             if line.missions
         ]
 
-    def _line(self, name: str, family: str, chosen: NDArray[np.bool_]) -> Line:
+    def _line(self, name: str, family: str, chosen: Flags) -> Line:
         able = self.recoverable & chosen
         recovered, unsupervised = self.came_up(0), self.came_up(1)
         latch = self.detection_time[chosen & ~np.isnan(self.detection_time)]

@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.supervisor_limits import (
     check_time_limit,
@@ -18,6 +17,7 @@ from swimbladder.control.supervisor_limits import (
 )
 from swimbladder.design.tuning.region import member, region, unknowns
 from swimbladder.errors import InputError
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -132,8 +132,6 @@ def record_type(kind: type[Any]) -> np.dtype[np.void]:
 RESULT = Result(*range(len(Result._fields)))
 TRACE = {name: index for index, name in enumerate(Trace._fields)}
 
-
-Array = NDArray[np.float64]
 
 SHALLOWEST, SHALLOWEST_DIVE = 1.0, 10.0  # m under the surface; of a float that dives from there
 RESERVE = 0.9  # of the depth at which the supervisor turns the vehicle round

@@ -9,14 +9,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.cache import part
 from swimbladder.sim.engine.sensor import quantised
 from swimbladder.sim.faults.kinds import EFFECTS, FAULTS, On, Op
-
-Array = NDArray[np.float64]
 
 _KIND, _FIRST, _SECOND, _BEGIN, _END = range(5)
 MOST = 4  # faults of a mission

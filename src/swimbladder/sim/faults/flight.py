@@ -9,9 +9,9 @@ import threading
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import Law, Measurement
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop.block import Block, work_space
 from swimbladder.sim.closed_loop.floats import FloatModel
@@ -37,8 +37,6 @@ from swimbladder.sim.faults.draw import (
 from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
 from swimbladder.sim.faults.kinds import On
 from swimbladder.vehicle import Sensors
-
-Array = NDArray[np.float64]
 
 # The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from
 # `full_after` the first does.

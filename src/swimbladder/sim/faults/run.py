@@ -21,6 +21,7 @@ from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, running_pump
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
@@ -35,7 +36,6 @@ from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
 from swimbladder.sim.faults.kinds import FAULTS, KINDS
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
-Array = NDArray[np.float64]
 Rows = NDArray[np.void]  # of ROW
 
 
@@ -282,7 +282,7 @@ def missions_csv(flown: FaultResult) -> str:
     return _csv(columns, zip(*columns.values(), strict=True))
 
 
-def trace_csv(rows: NDArray[np.float64], tick: float) -> str:
+def trace_csv(rows: Array, tick: float) -> str:
     """Return a row per tick [n, len(Trace)] of one mission."""
     times = (np.arange(len(rows)) * tick)[:, None]
     return _csv(TRACE_COLUMNS, (map(_exact, row) for row in np.hstack((times, rows))))

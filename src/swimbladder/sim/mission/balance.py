@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.io.mission import Mission
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.battery import lasting_cycles, load_is_on, surfacing_energy
 from swimbladder.sim.engine.rodas.records import (
     HOLDING,
@@ -30,7 +30,6 @@ from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.prepare import Plan
 from swimbladder.vehicle import Load
 
-Array = NDArray[np.float64]
 PUMP, VALVE = "pump", "valve"
 STANDBY, SELF_DISCHARGE = "driver's standby", "self-discharge"
 

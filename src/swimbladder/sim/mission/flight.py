@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import leaves
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.jobs import Store
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.engine.rodas.prepare import Accuracy
@@ -22,7 +22,6 @@ from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
 from swimbladder.vehicle import Vehicle
 
-Array = NDArray[np.float64]
 _MOST = 1e6  # rows of steps that are kept in all; those where something changes come on top
 _NOTES, _CYCLES = 8_000, 8
 

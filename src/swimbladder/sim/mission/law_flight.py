@@ -10,6 +10,7 @@ from swimbladder.control.law import Law, leaf_names, leaves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.actuator import reduced
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.steady_drives import battery_power, terminal_power
 from swimbladder.sim.closed_loop.block import Block, Running, like_of
 from swimbladder.sim.closed_loop.dispatch import extent
@@ -25,8 +26,6 @@ from swimbladder.sim.mission.core.sampled import WAY, Boarded, Numbers, Sampled,
 from swimbladder.sim.mission.orders import ASLEEP, growth_rate
 from swimbladder.sim.mission.prepare import Plan, cost_words
 from swimbladder.vehicle import Positioner, Vehicle
-
-Array = NDArray[np.float64]
 
 _ROWS = 40_000  # of a trajectory, about
 _SPAN = 60.0  # s, of a row at the longest

@@ -15,7 +15,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.rate import RateParameters
@@ -36,7 +35,6 @@ from swimbladder.vehicle import Vehicle
 if TYPE_CHECKING:
     from swimbladder.sim.mission.flight import Flight
 
-Array = NDArray[np.float64]
 
 _NOISE = 6.0  # standard deviations of the depth that a band takes
 _NEAR = 1.25  # a remedy over what does not do, to which it is found by flights

@@ -22,12 +22,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.law import leaves, numbers
 from swimbladder.control.rate import RATE
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.mission import Mission
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.battery import hotel_power, surfacing_energy, usable_charge
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.hull import heat_expansion
@@ -70,8 +70,6 @@ from swimbladder.sim.mission.orders import (
     law_parameters,
 )
 from swimbladder.vehicle import Vehicle
-
-Array = NDArray[np.float64]
 
 _NO_LAYER = 1e-12  # m3: what rounding makes of water of uniform density
 _MARGIN = 1.1  # of the deepest phase: how far down the vehicle's own water is tabulated, and

@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.io.answers import Answer
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import linear_psi
 from swimbladder.physics.seawater import Cast
 from swimbladder.sim.closed_loop.single import check_counts
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-Array = NDArray[np.float64]
 _BACK = 0.5  # m below where it turned back, it has
 
 

@@ -3,14 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.rodas.records import OF_LOADS, Account, Doing, Note
 from swimbladder.sim.mission import balance
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.result import MissionResult
 
-Array = NDArray[np.float64]
 _DEPTHS = 50  # rows of the table of speeds
 
 

@@ -6,11 +6,11 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.io.log_text import counted
 from swimbladder.io.mission import Mission
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.physics.seawater import look_up
 from swimbladder.sim.engine.rodas.records import Ice as Turn
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from swimbladder.sim.mission.result import MissionResult
 
 
-Array = NDArray[np.float64]
 _LONGER_RUNS = "Allow longer runs, or take a pump that delivers more, or a smaller line"
 _CUT = 0.99  # of the longest run: it would have gone on
 _FEW = 0.5  # of what a pump delivers in its time: less, and starts take most of it

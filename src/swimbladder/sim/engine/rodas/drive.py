@@ -7,9 +7,6 @@ by a step at most, with all that happens in it.
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.line import (
     fill_lacks,
@@ -34,9 +31,6 @@ from swimbladder.sim.engine.rodas.step import (
     stay,
 )
 from swimbladder.sim.engine.sensor import normal
-
-Array = NDArray[np.float64]
-
 
 FULL = 1e-3  # share of the stroke that may be lacking where all volume counts as out
 STAYED = -2  # what `move` returns beside the guards of `integrate` and -1: no step was needed

@@ -29,10 +29,9 @@ import math
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
-import numpy as np
 from numba import types
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.column import look_up_bent
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import chosen_by_first, inlined, part
@@ -43,7 +42,6 @@ from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
 value = part(look_up_bent)
 
 
-Array = NDArray[np.float64]
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -28,16 +28,13 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import apart, inlined, part
 from swimbladder.sim.engine.modes import drag_at
 from swimbladder.sim.engine.rodas.line import line_flow, value
 from swimbladder.sim.engine.rodas.records import Doing, Lane, Table
-
-Array = NDArray[np.float64]
-
 
 _moved = inlined(moved)
 

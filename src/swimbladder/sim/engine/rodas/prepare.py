@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import leakage_coefficient
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import drive_map, pressure_ratio, running_pump
 from swimbladder.physics.dynamics import drag_terms
 from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_volume
@@ -24,7 +24,6 @@ from swimbladder.sim.engine.modes import DEEPEST
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, GIVEN_WITH_LINE, NOW, Table, made
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
-Array = NDArray[np.float64]
 _BEYOND = 1.2  # of the column's pressure: so far the line is tabulated
 
 

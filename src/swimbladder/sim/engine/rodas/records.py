@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.deadband import DeadbandState
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import look_up
 
-Array = NDArray[np.float64]
 Records = NDArray[Any]
 
 

@@ -10,9 +10,7 @@ passes at once.
 import math
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.motion import moved
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.line import advance_line, relieve, stalls, value, valve_turns
@@ -27,9 +25,6 @@ from swimbladder.sim.engine.rodas.motion import (
     terms,
 )
 from swimbladder.sim.engine.rodas.records import Account, Doing, Lane, Table
-
-Array = NDArray[np.float64]
-
 
 _moved = inlined(moved)
 # Lobatto's rule of four points on [0, 1] (Abramowitz and Stegun 25.4.32), exact to degree 5

@@ -11,12 +11,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control import hold, rate
 from swimbladder.control.deadband import DeadbandParameters, DeadbandState
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import RateParameters, RateState
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop.dispatch import compilable, gather, scatter_where
 from swimbladder.sim.closed_loop.lane import Lanes, Like, Row, hook_in, rows
 from swimbladder.sim.closed_loop.lanes import Schedule
@@ -142,8 +142,6 @@ _ROOM = 8  # rows or notes that a step may add
 RECOVERY = 30.0 * 86400.0  # s to come up in after the alarm; a vehicle that floats deeper is lost
 _IDLE = 200  # ticks without time passing: a fault of the model
 MANY = np.broadcast_to(np.int64(0), (10**15,))  # ticks of one set-point: the hooks say which
-
-Array = NDArray[np.float64]
 
 
 @inlined

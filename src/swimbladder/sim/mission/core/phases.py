@@ -12,10 +12,10 @@ from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swimbladder.control.deadband import DeadbandParameters
 from swimbladder.control.rate import RateParameters
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import inlined, part
 from swimbladder.sim.engine.rodas.drive import FULL, note
 from swimbladder.sim.engine.rodas.line import value
@@ -29,9 +29,6 @@ from swimbladder.sim.engine.rodas.records import (
     Table,
     record,
 )
-
-Array = NDArray[np.float64]
-
 
 # A phase.
 STAGE = record(

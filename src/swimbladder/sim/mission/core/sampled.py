@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop.lane import Row, hook_in
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.accounts import Account as Sums
@@ -45,8 +46,6 @@ from swimbladder.sim.mission.core.phases import (
     row,
     settle,
 )
-
-Array = NDArray[np.float64]
 
 
 class Boarded(NamedTuple):
