@@ -44,14 +44,19 @@ class ByRule:
 
     def __init__(self, mission: Mission, plan: Plan) -> None:
         self.mission, self.own = mission, dict[str, Any]()
+        self.watch = plan.watch.over(1) if plan.watch else ()
         for law in plan.laws[:1]:
-            like = like_of(law.law, law.parameters)
+            like = like_of(law.law, law.parameters, self.watch)
             work = np.zeros(rows(extent(like.parameters), extent(like.state)))
             self.own = {"law": law.law, "like": like, "work": work}
 
+    def board(self, phases: Phases) -> Boarded | None:  # noqa: ARG002
+        """Return what flies at every tick, where a board does."""
+        return None
+
     def fly(self, phases: Phases) -> Stop:
         """Fly on until a cycle is over, a buffer is full, or the mission ends."""
-        stop = fly(phases, **self.own)
+        stop = fly(phases, **self.own, board=self.board(phases))
         if self.own and stop is Stop.STUCK:
             why = int(self.own["work"][Row.STOPPED] % OVER)
             said = list(StopReason)[why].value if why else "It asks to be called again at once."
@@ -68,44 +73,32 @@ class ByRule:
             there[:] = kept[name]
 
 
-class ByBoard:
+class ByBoard(ByRule):
     """A mission of a float as flashed: its board's law at every tick, the supervisor on watch."""
 
     rows = 4000  # of a part
 
     def __init__(self, mission: Mission, plan: Plan) -> None:
         cost_words(mission, plan.laws)  # refuses what is too long
-        assert plan.watch
-        self.mission, self.watch = mission, plan.watch.over(1)
-        first = plan.laws[0]
-        self.law, self.tick = first.law, first.sample_time
-        self.like = like_of(first.law, first.parameters, self.watch)
-        self.work = np.zeros(rows(extent(self.like.parameters), extent(self.like.state)))
-        self.work[Row.PLANT + POSITIONER] = math.nan  # neither a motor nor a positioner
-        self.work[Row.LOW_U], self.work[Row.HIGH_U] = -self.tick, self.tick
+        super().__init__(mission, plan)
+        first, like, work = plan.laws[0], self.own["like"], self.own["work"]
+        self.tick = first.sample_time
+        work[Row.PLANT + POSITIONER] = math.nan  # neither a motor nor a positioner
+        work[Row.LOW_U], work[Row.HIGH_U] = -self.tick, self.tick
         # one in a tick at most, beside those of what happens
         self.last, self.span = np.zeros(1), max(min(_SPAN, plan.longest / _ROWS), self.tick)
-        floats = extent(self.like.parameters) + leaf_names(self.law.state).index("floats")
-        self.knows = self.work[Row.LAW + floats :][:1]
+        floats = extent(like.parameters) + leaf_names(first.law.state).index("floats")
+        self.knows = work[Row.LAW + floats :][:1]
 
-    def fly(self, phases: Phases) -> Stop:
-        """Fly on until a cycle is over, a buffer is full, or the mission ends."""
-        reason = self.watch.reason
-        board = Boarded(phases, self.tick, self.span, self.last, reason, self.knows)
-        stop = fly(phases, self.law, self.like, self.work, board)
-        if stop is Stop.STUCK:
-            why = int(self.work[Row.STOPPED] % OVER)
-            raise _stuck(self.law, self.mission, phases, list(StopReason)[why].value)
-        return stop
+    def board(self, phases: Phases) -> Boarded:
+        """Return the board."""
+        assert self.watch
+        return Boarded(phases, self.tick, self.span, self.last, self.watch.reason, self.knows)
 
     def kept(self) -> dict[str, NDArray[Any]]:
         """Return what `resume` needs beside the phases."""
-        return {"work": self.work, "watch": self.watch.memory, "last": self.last}
-
-    def resume(self, kept: dict[str, NDArray[Any]]) -> None:
-        """Go on from what was kept."""
-        for name, there in self.kept().items():
-            there[:] = kept[name]
+        assert self.watch
+        return super().kept() | {"watch": self.watch.memory, "last": self.last}
 
 
 class ByLaws:
@@ -282,7 +275,7 @@ class ByLaws:
         return found._replace(emf=v.supply.voltage, resistance=v.supply.internal_resistance)
 
 
-Pilot = ByRule | ByBoard | ByLaws
+Pilot = ByRule | ByLaws
 
 
 def pilot_of(vehicle: Vehicle, mission: Mission, plan: Plan, state: Any, **more: Any) -> Pilot:
