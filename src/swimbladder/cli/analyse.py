@@ -9,7 +9,7 @@ from swimbladder.cli.common import aside, progress
 from swimbladder.cli.options import Files, Options, VehicleName, grouped, loaded, valued
 
 if TYPE_CHECKING:
-    from swimbladder.design.linear import Analysis
+    from swimbladder.design.analysis import Analysis
 
 
 class Asked(Options):
@@ -35,11 +35,10 @@ def analyse(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
 
 def _analysis(vehicle: str, depth: float) -> Analysis:
     from swimbladder.design.analysis import analyse as analyse_vehicle
-    from swimbladder.design.linear.analyse import check_depth
-    from swimbladder.errors import InputError
+    from swimbladder.errors import InputError, check_number
     from swimbladder.io.config import locate
 
-    check_depth(depth, field="--depth")
+    check_number(depth, "--depth", "m", least=0.0)
     v = loaded(vehicle)
     try:
         return analyse_vehicle(v, depth=depth)

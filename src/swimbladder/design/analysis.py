@@ -1,14 +1,394 @@
-"""`analyse`: a vehicle with its control law, linearised and judged at the law's sample time."""
+"""The linear analysis of a vehicle, with its law: gathered, as JSON, and what it says in words."""
 
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from swimbladder.control.law import Law
 from swimbladder.control.registry import check_command, own_law
-from swimbladder.design.linear import Analysis, analyse_linear
-from swimbladder.design.linear.analyse import check_depth
+from swimbladder.design.linear import depths, models, pump_valve
+from swimbladder.design.linear.margins import Margins
+from swimbladder.design.linear.sampled import ClosedLoop, LinearLaw, close
+from swimbladder.design.linear.transfer import (
+    RouthTable,
+    TransferFunction,
+    routh_table,
+    transfer_functions,
+)
 from swimbladder.errors import InputError, check_number
+from swimbladder.io.answers import Answer, as_json, plain
+from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
 from swimbladder.vehicle import Vehicle
+
+
+def _rest(a: Analysis) -> Iterator[str]:
+    p, v = a.operating_point, a.vehicle
+    text = f"At {p.depth:g} m the vehicle rests with a volume of {_cm3(p.volume)}"
+    if v.voltage_driven:
+        text += f"; {p.voltage:.3g} V hold the motor against the sea"
+        if p.voltage_back != p.voltage:
+            text += f", and it only gives way below {p.voltage_back:.3g} V"
+    yield text + "."
+    if not v.stroke.minimum <= p.volume <= v.stroke.maximum:
+        yield (
+            f"That volume is outside the stroke of {_cm3(v.stroke.minimum)} to "
+            f"{_cm3(v.stroke.maximum)}: the vehicle cannot rest there, and what follows is about a "
+            "vehicle that could."
+        )
+    elif not a.rests:
+        assert a.stall is not None
+        why = "the supply cannot hold the motor"
+        if a.drive is not None:
+            why = "more leaks back than the pump presses out"
+        yield (
+            f"Below {a.stall.holding_depth:.1f} m {why}: the vehicle cannot rest there, and what "
+            "follows is about a vehicle that could."
+        )
+
+
+def _open_loop_words(a: Analysis) -> Iterator[str]:
+    o = a.open_loop
+    said = o.routh.sentence
+    text = f"Open loop, by Routh's table: {said[0].lower()}{said[1:]}"
+    if math.isfinite(o.doubling_time):
+        text += (
+            f" The fastest growing disturbance, exp({o.poles[0].real:.4g} t), doubles in "
+            f"{o.doubling_time:.3g} s."
+        )
+    yield text
+    if a.vehicle.drag.law == "quadratic":
+        yield (
+            "The drag is quadratic and has no slope at rest: K2 and T2 do not exist, nor do (30), "
+            "(32), (34) and (35), and the linear model leaves out what damps a real motion."
+        )
+    elif a.vehicle.drag.law != "linear":
+        yield "The drag is the laminar one of small speeds."
+
+
+def _motions(a: Analysis) -> Iterator[str]:
+    """Yield what a body does whose volume is kept between two actions of pump and valve."""
+    if not a.motions:
+        return
+    rest, moving = a.motions[0], a.motions[1:]
+    if math.isfinite(rest.growth_time):
+        yield (
+            f"At rest the hull gives way more than the water: with its volume kept, a small error "
+            f"of the depth grows e-fold in {rest.growth_time:.3g} s."
+        )
+    elif math.isfinite(rest.period):
+        yield (
+            f"At rest the hull is stiffer than the water: with its volume kept it swings about its "
+            f"neutral depth every {rest.period:.4g} s."
+        )
+    said = ", ".join(f"{100.0 * m.speed:g} cm/s in {m.time_constant:.3g} s" for m in moving)
+    yield f"On its way a speed follows the volume with the time constant of the drag: {said}."
+
+
+def _section_2_5(a: Analysis) -> Iterator[str]:
+    s = a.stiff_hull
+    if s is not None and s.unstable:
+        which = "A hull stiffer than water would"
+        if a.vehicle.hull.psi < 0.0:
+            which = "That the hull is stiffer than water does"
+        yield (
+            f"{which} not help: with psi = {s.psi:.3g} m3/m the depth load alone still doubles a "
+            f"disturbance in {s.doubling_time:.3g} s (section 2.5); without k_z and k_l nothing "
+            "would grow."
+        )
+    elif s is not None:
+        yield (
+            "Nothing loads the volume here (k_z = k_l = 0): with a hull stiffer than water no "
+            "disturbance would grow."
+        )
+    if a.double_integrator_phase_margin is not None:
+        margin = math.degrees(a.double_integrator_phase_margin)
+        yield (
+            "Without psi, k_l and k_z (35) is a double integrator with two lags: under a gain of "
+            f"1 V/m its phase margin is {margin:.1f} degrees, negative as for every gain."
+        )
+
+
+def _depths(a: Analysis) -> Iterator[str]:
+    s, limit = a.stall, a.vehicle.hull.depth_limit
+    if s is not None:
+        if math.isinf(s.depth):
+            yield "No depth loads the motor, so none stalls it."
+        else:
+            at = f" at {s.voltage:.3g} V" if math.isfinite(s.voltage) else ""
+            text = f"Stall depth{at}: {s.depth:.1f} m"
+            if s.depth_without_sag > s.depth:
+                text += f" ({s.depth_without_sag:.1f} m if the supply did not sag)"
+            if limit is not None:
+                side = (
+                    "above it" if s.within_limit else "NOT above it: the vehicle could not come up"
+                )
+                text += f"; the depth limit of {limit:g} m is {side}"
+            yield text + "."
+            if s.holding_depth < s.depth:
+                yield f"Below {s.holding_depth:.1f} m the pump leaks more than it moves."
+            if s.extending_rate > 0.0:
+                rate = f"{s.extending_rate * 1e6:.3g} cm3/s"
+                yield f"At {a.depth:g} m the motor can increase the volume by {rate}."
+    n = a.neutral
+    if math.isfinite(n.leaves_stroke) and n.leaves_stroke > 0.0:
+        text = f"The neutral volume leaves the stroke at {n.leaves_stroke:.1f} m"
+        if limit is not None and n.leaves_stroke < limit:
+            text += (
+                f", before the depth limit of {limit:g} m: below that the vehicle, trimmed as it "
+                "is, cannot come to rest"
+            )
+        yield text + "."
+
+
+def _closed_loop_words(a: Analysis) -> Iterator[str]:
+    c = a.closed_loop
+    if c is None:
+        if not a.notes:
+            yield "The vehicle has no controller: nothing is said of a closed loop."
+        return
+    where = "voltage" if a.vehicle.voltage_driven else "volume command"
+    head = f"Closed loop with {c.law!r}, sampled every {c.sample_time:g} s: "
+    if not c.stable:
+        radius = max(c.spectral_radius, c.spectral_radius_back_driven)
+        yield (
+            f"{head}UNSTABLE, the largest pole has a modulus of {radius:.4f}: disturbances grow by "
+            f"{(radius - 1.0) * 100.0:.3g} % a sample."
+        )
+    else:
+        slowest = c.modes[0]
+        yield (
+            f"{head}stable; the slowest pole, z = {_complex(slowest.z)}, decays with a time "
+            f"constant of {slowest.time_constant:.3g} s."
+        )
+    if c.one_loop:
+        where += " or, which is the same here, at the measured depth"
+    if c.at_command is not None:
+        yield _margin_words(c.at_command, where)
+    if c.at_depth is not None and not c.one_loop:
+        yield _margin_words(c.at_depth, "measured depth")
+    if c.stable:
+        yield _delays(c)
+    if c.depth_load is not None:
+        load = c.depth_load
+        text = (
+            "The inner loop does not fully reject the depth load, which acts like an extra psi of "
+            f"{load.extra_psi:.3g} m3/m"
+        )
+        if math.isfinite(load.share_of_psi):
+            text += f" ({abs(load.share_of_psi) * 100.0:.2g} % of {_size_of_psi(a)})"
+        yield text + "."
+        continuous = "continuous time is a close approximation"
+        if c.inner_gain_per_sample > 0.2:
+            continuous = "analyse it in discrete time"
+        yield (
+            f"The gain of the inner loop times the sample time is {c.inner_gain_per_sample:.3f}: "
+            f"{continuous}."
+        )
+    if not a.vehicle.voltage_driven:
+        yield (
+            "The volume commanded is taken as reached at once. The piston moves at most "
+            f"{_cm3(c.volume_per_sample)} a sample, which a sudden error of "
+            f"{c.error_at_rate_limit:.2g} m already asks for: beyond that the rate limit adds lag "
+            "that no linear model shows."
+        )
+
+
+def _size_of_psi(a: Analysis) -> str:
+    return "psi" if a.vehicle.hull.psi > 0.0 else "the size of psi"
+
+
+def _margin_words(m: Margins, place: str) -> str:
+    up = f"{20.0 * math.log10(m.gain_up):+.1f} dB" if math.isfinite(m.gain_up) else "any increase"
+    down = f"{20.0 * math.log10(m.gain_down):+.1f} dB" if m.gain_down > 0.0 else "any decrease"
+    phase = (
+        f"phase {math.degrees(m.phase):.1f} degrees at {m.phase_frequency:.3g} rad/s"
+        if math.isfinite(m.phase)
+        else "no gain crossover"
+    )
+    return (
+        f"Margins at the {place}: gain {up} or {down}, {phase}, peak sensitivity "
+        f"{m.peak_sensitivity:.2f}; gain and phase together (disk margin): a factor of "
+        f"{m.disk_gain:.2f} and {math.degrees(m.disk_phase):.0f} degrees."
+    )
+
+
+def _delays(c: ClosedLoop) -> str:
+    whole = "stable" if c.radius_at_whole_sample < 1.0 else "NOT stable"
+    if math.isinf(c.computation_delay):
+        text = "No computation delay makes the loop unstable"
+    else:
+        text = f"The loop tolerates {c.computation_delay:.3f} s of computation delay"
+    age = "any age" if math.isinf(c.depth_delay) else f"an age of {c.depth_delay:.3g} s"
+    return (
+        f"{text}; with one whole sample of it, it is {whole}. "
+        f"It tolerates {age} of the measured depth."
+    )
+
+
+def _cm3(volume: float) -> str:
+    return f"{volume * 1e6:.4g} cm3"
+
+
+def _complex(z: complex) -> str:
+    return f"{z.real:.5f}" if z.imag == 0.0 else f"{z.real:.5f} {z.imag:+.5f}i"
+
+
+_MARGINS = (
+    "gain_up gain_up_frequency_rad_s gain_down gain_down_frequency_rad_s phase_rad "
+    "phase_frequency_rad_s delay_s delay_frequency_rad_s peak_sensitivity peak_frequency_rad_s "
+    "disk disk_gain disk_phase_rad disk_frequency_rad_s"
+)
+
+
+_LOOP = (
+    "law sample_time_s stable spectral_radius spectral_radius_back_driven "
+    "computation_delay_limit_s=computation_delay depth_delay_limit_s=depth_delay "
+    "spectral_radius_with_one_sample_of_computation=radius_at_whole_sample "
+    "inner_gain_per_sample volume_per_sample_m3 error_at_rate_limit_m"
+)
+_DEPTH_LOAD = "k_pV_V_m3 extra_psi_m3_m share_of_psi doubling_time_s doubling_time_rejected_s"
+_STIFF_HULL = "psi_m3_m poles doubling_time_s poles_without_loads unstable"
+_STALL = (
+    "depth_m depth_without_sag_m holding_depth_m back_drive_depth_m voltage_V extending_rate_m3_s "
+    "within_limit"
+)
+_ROUTH = (
+    "powers rows first_column_signs=first_column notes right_half_plane=right imaginary_axis=axis "
+    "sentence"
+)
+_TRANSFER = "equations input output symbols numerator denominator poles"
+_DRIVE = (
+    "depth_m=depths pump_rate_m3_s=pump pump_power_W valve_rate_m3_s=valve bypass_rate_m3_s=bypass "
+    "leakage_m3_s start_volume_m3"
+)
+_MOTION = "speed_m_s time_constant_s poles growth_time_s period_s"
+
+
+def _margins(found: Margins | None) -> dict[str, Any] | None:
+    return found and as_json(found, _MARGINS) | {"phase_deg": math.degrees(found.phase)}
+
+
+def closed_loop_json(c: ClosedLoop) -> dict[str, Any]:
+    """Return a sampled loop for JSON, in SI units."""
+    return {
+        **as_json(c, _LOOP),
+        "poles_z": [mode.z for mode in c.modes],
+        "poles_s": [mode.s if math.isfinite(mode.s.real) else None for mode in c.modes],
+        "damping": [mode.damping for mode in c.modes],
+        "time_constant_s": [mode.time_constant for mode in c.modes],
+        "margins": {"command": _margins(c.at_command), "depth": _margins(c.at_depth)},
+        "stable_with_one_sample_of_computation": c.radius_at_whole_sample < 1.0,
+        "depth_load": c.depth_load and as_json(c.depth_load, _DEPTH_LOAD),
+    }
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpenLoop:
+    """The transfer function from the command to the depth, from the numerical linearisation."""
+
+    input: str  # "U", or "V" for a positioner
+    numerator: tuple[float, ...]  # descending powers of s
+    denominator: tuple[float, ...]  # normalised as (34), or (32), where they exist
+    poles: tuple[complex, ...]  # 1/s, eigenvalues, the largest real part first
+    doubling_time: float  # s, of the fastest growing disturbance; inf if none grows
+    routh: RouthTable
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Analysis(Answer):
+    """Everything that the linear models say of a vehicle at a depth."""
+
+    vehicle: Vehicle
+    depth: float  # m
+    operating_point: models.OperatingPoint
+    model: models.StateSpace
+    transfer_functions: tuple[TransferFunction, ...]
+    open_loop: OpenLoop
+    stiff_hull: depths.StiffHull | None  # voltage-driven, psi not 0
+    double_integrator_phase_margin: float | None  # rad, eq. (35) under a gain of 1 V/m
+    stall: depths.Stall | None  # voltage-driven, pump and valve
+    neutral: depths.NeutralVolume
+    closed_loop: ClosedLoop | None  # vehicles with a controller
+    notes: tuple[str, ...] = ()  # what was left out, and why
+    drive: pump_valve.DriveRates | None = None  # pump and valve
+    motions: tuple[pump_valve.Motion, ...] = ()  # pump and valve: the body at rest and on its way
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether the closed loop is stable; None without one."""
+        return None if self.closed_loop is None else self.closed_loop.stable
+
+    @property
+    def rests(self) -> bool:
+        """Whether stroke and supply hold the vehicle at the depth."""
+        stroke, p = self.vehicle.stroke, self.operating_point
+        held = self.stall is None or p.depth <= self.stall.holding_depth
+        return bool(held and stroke.minimum <= p.volume <= stroke.maximum)
+
+    def to_control(self) -> Any:
+        """Return the linear model, command to depth and volume, as a python-control StateSpace."""
+        return self.model.to_control()
+
+    def response(self, count: int = 600) -> tuple[Any, Any]:
+        """Return frequencies [rad/s] about the poles, and the response of depth to the command."""
+        rates = np.abs([p for p in self.open_loop.poles if abs(p) > 1e-9])
+        w = np.geomspace(rates.min() / 30.0, rates.max() * 30.0, count)
+        model = self.model
+        return w, model.part(output="z", input=model.inputs[0]).at(1j * w)[:, 0, 0]
+
+    @property
+    def findings(self) -> dict[str, tuple[str, ...]]:
+        """What the numbers mean: by subject, the most important first."""
+        return {
+            "closed loop": (*_closed_loop_words(self), *self.notes),
+            "depth": tuple(_depths(self)),
+            "rest": tuple(_rest(self)),
+            "open loop": (*_open_loop_words(self), *_motions(self), *_section_2_5(self)),
+        }
+
+    @property
+    def sentences(self) -> list[str]:
+        """All findings, a sentence each."""
+        return [s for subject in self.findings.values() for s in subject]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return everything in JSON's own types, SI numbers; None for what is infinite."""
+        o, stall, limit = self.open_loop, self.stall, self.vehicle.hull.depth_limit
+        rest = "depth_m volume_m3 motor_rate_m3_s"
+        if self.vehicle.voltage_driven:
+            rest += " voltage_V voltage_back_V"
+        volts = dict.fromkeys(("voltage_V", "voltage_back_V"))
+        answer = {
+            "vehicle": self.vehicle.name,
+            **as_json(self, "depth_m rests stable findings notes"),
+            "command": self.vehicle.command,
+            "operating_point": volts | as_json(self.operating_point, rest),
+            "open_loop": {
+                **as_json(o, "input numerator denominator poles doubling_time_s"),
+                "output": "Z",
+                "stable": o.routh.stable,
+            },
+            "routh": as_json(o.routh, _ROUTH),
+            "transfer_functions": [as_json(t, _TRANSFER) for t in self.transfer_functions],
+            "state_space": as_json(self.model, "states inputs outputs A B C D"),
+            "stiff_hull": self.stiff_hull and as_json(self.stiff_hull, _STIFF_HULL),
+            "double_integrator_phase_margin_rad": self.double_integrator_phase_margin,
+            "stall": stall and as_json(stall, _STALL) | {"depth_limit_m": limit},
+            "neutral_volume": as_json(
+                self.neutral, "depth_m=depths volume_m3=volumes leaves_stroke_at_m=leaves_stroke"
+            ),
+            "closed_loop": self.closed_loop and closed_loop_json(self.closed_loop),
+        }
+        if self.drive is not None:
+            motions = [as_json(one, _MOTION) for one in self.motions]
+            answer |= {"drive": as_json(self.drive, _DRIVE), "motions": motions}
+        return {key: plain(value) for key, value in answer.items()}
 
 
 def analyse(
@@ -47,7 +427,8 @@ def analyse(
         The law commands what the actuator does not take, it has no sample time, or the depth is
         negative.
     """
-    check_depth(depth)
+    remedy = "Give a depth below the surface, positive down"
+    check_number(depth, "depth", "m", least=0.0, remedy=remedy)
     controller = vehicle.controller
     if law is None and controller is not None:
         law, bound = own_law(vehicle, sampled=False)
@@ -55,7 +436,7 @@ def analyse(
     if sample_time is None and controller is not None:
         sample_time = controller.sample_time
     if law is None:
-        return analyse_linear(vehicle, depth=depth)
+        return _analysed(vehicle, depth)
     if sample_time is None:
         raise InputError(
             "the law has no sample time, and the vehicle has no controller to take it from",
@@ -71,12 +452,72 @@ def analyse(
             "there is no loop to break, with margins. `swimbladder stability` follows it from one "
             "decision to the next."
         )
-        return analyse_linear(vehicle, depth=depth, notes=(note,))
+        return _analysed(vehicle, depth, notes=(note,))
     at_rest = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
     if at_rest.smooth:
-        return analyse_linear(vehicle, depth=depth, law=at_rest, law_name=law.name)
+        return _analysed(vehicle, depth, law=at_rest, law_name=law.name)
     note = (
         f"The law {law.name!r} is not linear around rest (a dead band, a relay, a rounded command "
         "or a limit right there): its closed loop has no poles or margins. Simulate it instead."
     )
-    return analyse_linear(vehicle, depth=depth, notes=(note,))
+    return _analysed(vehicle, depth, notes=(note,))
+
+
+def _analysed(
+    vehicle: Vehicle,
+    depth: float,
+    law: LinearLaw | None = None,
+    law_name: str = "",
+    notes: tuple[str, ...] = (),
+) -> Analysis:
+    """Return the analysis of a vehicle at rest at `depth` [m], with its law already linear."""
+    pumped = vehicle.command == "volume change"
+    p = plant(pump_valve.moved_by_volume(vehicle))
+    m, k_b = vehicle.mass, vehicle.water.specific_weight
+    model = models.linearise(p, depth=depth)
+    limit = vehicle.hull.depth_limit
+    phase = None
+    if not p.positioner and p.d_l > 0.0:
+        phase = depths.double_integrator_phase_margin(
+            K1=p.gain, K2=p.a_b / p.d_l, A=1.0, T1=p.T1, T2=1.0 / p.d_l
+        )
+    rest, load, drive = models.operating_point(p, depth=depth), None, None
+    neutral = depths.neutral_volume(p, down_to=max(limit or 100.0, depth))
+    if pumped:
+        load = pump_valve.pump_stall(vehicle, depth=depth)
+        drive = pump_valve.drive_rates(vehicle, neutral.depths)
+        rest = rest._replace(motor_rate=pump_valve.drive_rates(vehicle, (depth,)).leakage[0])
+    elif not p.positioner:
+        load = depths.stall(p, depth=depth, depth_limit=limit)
+    return Analysis(
+        vehicle=vehicle,
+        depth=depth,
+        operating_point=rest,
+        model=model,
+        transfer_functions=transfer_functions(p, m=m, k_b=k_b),
+        open_loop=_open_loop(model, p.T1, p.d_l),
+        stiff_hull=depths.stiff_hull(p),
+        double_integrator_phase_margin=phase,
+        stall=load,
+        neutral=neutral,
+        closed_loop=None if law is None else close(p, law, name=law_name, depth=depth),
+        notes=notes,
+        drive=drive,
+        motions=pump_valve.motions(vehicle, p) if pumped else (),
+    )
+
+
+def _open_loop(model: models.StateSpace, T1: float, d_l: float) -> OpenLoop:
+    """The numerical model's Z over its command, times T1 T2 as far as they exist."""
+    positioner = model.inputs == ("V",)
+    factor = (1.0 if positioner else T1) * (1.0 / d_l if d_l > 0.0 else 1.0)
+    numerator, denominator = models.polynomials(model.part(output="z", input=model.inputs[0]))
+    scaled = tuple(factor * c for c in denominator)
+    return OpenLoop(
+        input="V" if positioner else "U",
+        numerator=tuple(factor * c for c in numerator),
+        denominator=scaled,
+        poles=tuple(complex(x) for x in model.poles),
+        doubling_time=depths.doubling_time(model),
+        routh=routh_table(scaled),
+    )

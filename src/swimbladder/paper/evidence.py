@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.design.analysis import analyse
-from swimbladder.design.linear import Analysis
+from swimbladder.design.analysis import Analysis, analyse
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.progress import Advance, silent
 from swimbladder.paper import actuation

@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.design.linear import Analysis, ClosedLoop, Margins, StateSpace
+from swimbladder.design.analysis import Analysis
+from swimbladder.design.linear import ClosedLoop, Margins, StateSpace
 from swimbladder.design.linear.margins import frequency_response
 from swimbladder.design.linear.pump_valve import drive_rates
 from swimbladder.physics.arrays import Array

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 import swimbladder.design.analysis
 from swimbladder.control.cascade import CASCADE
 from swimbladder.control.law import Law
-from swimbladder.design.analysis import analyse
-from swimbladder.design.linear import Analysis
+from swimbladder.design.analysis import Analysis, analyse
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.errors import InputError
 from swimbladder.vehicle import (
@@ -171,7 +170,7 @@ def test_unstable_loop_is_called_so(controlled, table_3):
 
 def test_back_driven_motor_is_judged_too(lossy, monkeypatch):
     """A load that only back-driving sees, and that a weak law does not hold."""
-    plant = swimbladder.design.linear.analyse.plant
+    plant = swimbladder.design.analysis.plant
 
     def heavier(vehicle):
         return plant(vehicle)._replace(load_back=40.0)
@@ -181,7 +180,7 @@ def test_back_driven_motor_is_judged_too(lossy, monkeypatch):
         update={"controller": Controller(law="cascade", sample_time=0.5, parameters=gains)}
     )
     assert analyse(vehicle).closed_loop.spectral_radius_back_driven < 1.0
-    monkeypatch.setattr(swimbladder.design.linear.analyse, "plant", heavier)
+    monkeypatch.setattr(swimbladder.design.analysis, "plant", heavier)
     found = analyse(vehicle)
     assert found.closed_loop.spectral_radius < 1.0 < found.closed_loop.spectral_radius_back_driven
     assert found.stable is False

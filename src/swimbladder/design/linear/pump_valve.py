@@ -140,7 +140,7 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     volume, so that nothing turns the pump back.
     """
     a, supply = vehicle.engine, vehicle.supply
-    assert isinstance(a, PumpAndValve)  # analyse_linear
+    assert isinstance(a, PumpAndValve)  # analyse
     stiff = vehicle
     if supply is not None:
         without = supply.model_copy(update={"internal_resistance": 0.0})
