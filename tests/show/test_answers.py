@@ -17,9 +17,9 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, json_text
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.show import answers
+from swimbladder.show.answers import dataset_of, split
 from swimbladder.show.html import TEXTS, _made_by
 from swimbladder.show.parts import Shown
-from swimbladder.show.tables import dataset, split
 from tests.cf import cf_problems
 from tests.pages import figures_of, without_scripts
 from tests.vehicles import limited
@@ -149,7 +149,7 @@ def test_a_table_lies_along_its_first_column_where_that_rises():
     frame = s.to_dataframe()
     assert np.array_equal(frame["depth_m"], s.depth)
     assert np.array_equal(s.to_dataset()["depth"], s.depth)
-    plain = dataset(frame, "a step")
+    plain = dataset_of(frame, "a step")
     assert plain["depth"].dims == ("time",)
     assert (plain["depth"].attrs["long_name"], plain["depth"].attrs["units"]) == ("depth", "m")
     assert np.array_equal(plain["time"], s.time)

@@ -2,7 +2,7 @@
 
 `evidence` simulates and fits, `equations_actuator` and `equations_motion` check (1) to (37),
 `published` compares numbers, `verdict` says what a comparison comes to, `tables` and `page` put it
-together, `files` has its curves. The texts stand in TOML files beside the modules.
+together. The texts stand in TOML files beside the modules.
 """
 
 from pathlib import Path
@@ -15,8 +15,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.paper.equations_actuator import actuator_checks
 from swimbladder.paper.equations_motion import motion_checks
 from swimbladder.paper.evidence import STAGES, gather
-from swimbladder.paper.files import trajectories
-from swimbladder.paper.page import FIGURES, Judged, answer, draw, page
+from swimbladder.paper.page import FIGURES, Judged, answer, draw, page, trajectories
 from swimbladder.paper.published import independent, published
 from swimbladder.show.files import write_all
 from swimbladder.show.parts import REPORT

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from markupsafe import Markup
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.files import write_atomically
+from swimbladder.io.netcdf import cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
 from swimbladder.show.parts import REPORT, Drawn, Part, Shown, Table, sentences
 from swimbladder.show.text import Output, shortened, text_lines
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
     from swimbladder.io.answers import Answer
 
 _WIDTH = 98
+_UNITS = frozenset(["m", "m2", "m3", "s", "V", "A", "W", "J", "Pa", "kg", "N", "rad", "degC", "h"])
 
 # Where each class of answer is shown, by a class of its name and Shown.
 ROOMS = {
@@ -97,18 +101,65 @@ def figure(answer: Answer) -> Figure:
 
 def dataframe(answer: Answer) -> pd.DataFrame:
     """Return the main table of an answer; raises NoAnswerError where it has none."""
-    from swimbladder.show import tables  # the columns know the simulator
-
-    return tables.dataframe(shown(answer).table())
+    return frame_of(shown(answer).table())
 
 
 def dataset(answer: Answer) -> xr.Dataset:
     """Return the arrays of an answer; raises NoAnswerError where it has none."""
-    from swimbladder.show import tables
-
     own = getattr(answer, "dataset", None)
-    made: xr.Dataset = own() if own else tables.dataset(dataframe(answer), shown(answer).title)
+    made: xr.Dataset = own() if own else dataset_of(dataframe(answer), shown(answer).title)
     return made
+
+
+def frame_of(table: Mapping[str, Any] | str) -> pd.DataFrame:
+    """Return columns, or a table as CSV, as a DataFrame.
+
+    The units of the columns, as UDUNITS writes them, stand in its `attrs["units"]`.
+    """
+    import pandas
+
+    if isinstance(table, str):
+        found = pandas.read_csv(io.StringIO(table))
+    else:
+        found = pandas.DataFrame({name: np.asarray(column) for name, column in table.items()})
+    found.attrs["units"] = {name: unit for name, (_, unit) in split(found.columns) if unit}
+    return found
+
+
+def dataset_of(frame: pd.DataFrame, title: str) -> xr.Dataset:
+    """Return a table as a Dataset: arrays without the unit in their names, which is an attribute.
+
+    They lie along the first column where its numbers only rise, else along the rows.
+    """
+    names = dict(split(frame.columns))
+    first = frame[frame.columns[0]]
+    rises = first.dtype.kind in "if" and bool(np.all(np.diff(first) > 0.0))
+    along = names[frame.columns[0]][0] if rises else "row"
+    arrays = {
+        name: (along, frame[column].to_numpy(), _meaning(name, unit, axis=name == along))
+        for column, (name, unit) in names.items()
+    }
+    return cf_dataset(arrays, described(title), coordinates=[along] if rises else [])
+
+
+def _meaning(name: str, unit: str, *, axis: bool) -> dict[str, Any]:
+    if axis and (name, unit) == ("time", "s"):
+        from swimbladder.sim.closed_loop.solution import time_of_run
+
+        return time_of_run()
+    down = {"standard_name": "depth", "positive": "down"} if name == "depth" else {}
+    return meaning(unit, name.replace("_", " "), **down)
+
+
+def split(columns: Any) -> Iterator[tuple[str, tuple[str, str]]]:
+    """Give each column's name with its name and its unit apart: rate_m3_s is a rate in m3 s-1."""
+    for column in map(str, columns):
+        words = column.split("_")
+        end = len(words)
+        while end > 1 and words[end - 1] in _UNITS:
+            end -= 1
+        unit = " ".join([*words[end : end + 1], *(f"{word}-1" for word in words[end + 1 :])])
+        yield column, ("_".join(words[:end]), unit.replace("m3-1", "m-3").replace("m2-1", "m-2"))
 
 
 def save(answer: Answer, folder: Path) -> list[Path]:

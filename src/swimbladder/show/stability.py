@@ -1,5 +1,6 @@
 """Where a law brings a vehicle back from, beside what no controller can."""
 
+import io
 from collections.abc import Iterator
 from functools import partial
 from typing import Any
@@ -119,9 +120,7 @@ class StabilityShown(Shown[Stability]):
         """Return what became of each run of the maps, a row each."""
         import pandas
 
-        from swimbladder.show.tables import dataframe
-
-        frames = [dataframe(one.csv()) for one in self.found.maps]
+        frames = [pandas.read_csv(io.StringIO(one.csv())) for one in self.found.maps]
         for one, frame in zip(self.found.maps, frames, strict=True):
             frame.columns = ["x", "y", *frame.columns[2:]]
             frame.insert(0, "map", one.name)
