@@ -1,7 +1,5 @@
 """``swimbladder ballast``: what to add, and whether the stroke does, in the sea of a cast."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.cli.casts import Casts, refuse_doubted_unit

@@ -1,7 +1,5 @@
 """``swimbladder board``: hardware in the loop, a board's own C against the vehicle's model."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.cli.common import aside, working

@@ -1,7 +1,5 @@
 """``swimbladder design-experiment``: pool experiments, and the errors that they give."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.cli.common import working

@@ -1,7 +1,5 @@
 """``swimbladder identify-actuator``: K1, T1, dead zone, asymmetry and rate from logged steps."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Annotated

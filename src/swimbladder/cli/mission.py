@@ -1,7 +1,5 @@
 """``swimbladder mission``: phases in repeated cycles, in the water of a cast."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from functools import partial
 from pathlib import Path

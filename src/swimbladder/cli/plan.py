@@ -1,7 +1,5 @@
 """``swimbladder plan``: the best step of depth that the vehicle allows, computed beforehand."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path

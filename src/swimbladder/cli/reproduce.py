@@ -1,7 +1,5 @@
 """``swimbladder reproduce``: the paper redone, in a report that opens from disk."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import typer

@@ -1,7 +1,5 @@
 """``swimbladder size``: which pump or screw, motor, stroke and battery do a dive."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """``swimbladder stability``: how stable a vehicle is under its law, and from where it recovers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.cli.common import working

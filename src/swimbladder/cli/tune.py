@@ -1,7 +1,5 @@
 """``swimbladder tune``: gains for a vehicle, with margins over its 95 % parameter region."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from swimbladder.cli.casts import CastReading, DepthSensor, water_of_cast

@@ -1,7 +1,5 @@
 """``swimbladder vehicle``: the presets, what is in a vehicle file, and a file to start from."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 from typing import Annotated

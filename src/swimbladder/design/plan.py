@@ -5,8 +5,6 @@ time the depth passes the place named; the record ends where the depth leaves th
 Volumes count from the one that held the vehicle at rest.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated, Any, Literal

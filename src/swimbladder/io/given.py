@@ -4,8 +4,6 @@ The unit of a number is the one that the function's docstring says, ``[m]``; wha
 share or a count.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable

@@ -24,8 +24,6 @@
     log = 47                                     # only the rows with 47 in the column `log`
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ The header is found first: where the names of the columns stand, and what separa
 Parquet file is read as such a table too, its columns by name as numbers or as texts.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """CSV with a header, every number in full double precision."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """Pictures drawn by matplotlib: for files, and for `plot()`; always in the same style."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import singledispatch
 from pathlib import Path

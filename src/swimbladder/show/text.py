@@ -1,7 +1,5 @@
 """What an answer says as lines of text: of a terminal, a file, or a repr."""
 
-from __future__ import annotations
-
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence

@@ -1,7 +1,5 @@
 """A vehicle as shown: every number with its source, what follows from them, its reach."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import cache, partial
 from typing import Any, NamedTuple

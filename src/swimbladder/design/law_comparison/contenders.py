@@ -3,8 +3,6 @@
 What is flown is a table of scenarios, with depths that are those of the vehicle at hand.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ A day goes by what is sought and how well (`asked_of`), and by when an experimen
 paper's, cut to the vehicle's stroke. It leaves a log for each experiment, and pool.json.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

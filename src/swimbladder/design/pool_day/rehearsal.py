@@ -7,8 +7,6 @@ wanted. The operator goes by what is believed of the vehicle; the one in the wat
 With the loop open the piston is moved by a timed voltage, a servo, or directly.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 import tempfile

@@ -6,8 +6,6 @@ so the address is an argument, and the kernel's code on disk serves every librar
 and the generated code stand the same two calls for each controller.
 """
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import os
