@@ -11,9 +11,7 @@ import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 from swimbladder.cli.common import aside, compile_notice, console, output, progress
 from swimbladder.cli.options import (
@@ -123,6 +121,7 @@ _NOISE = 2e-3  # m
 class Rehearsed(Options):
     """A rehearsal in simulated water."""
 
+    simulate: bool = flag("--simulate", "Rehearse on the simulated vehicle.")
     truth: Given = valued("VEHICLE", "The vehicle in the simulated water (VEHICLE).")
     real_time_factor: float | None = valued(
         "FACTOR", "Simulated seconds per second (60 on a terminal, else unlimited)."
@@ -151,12 +150,13 @@ class Rehearsed(Options):
 class Followed(Options):
     """A log that is being written."""
 
+    follow: Path | None = valued("LOG", "Follow a log that is being written.")
     columns: Several = valued("NAME=COLUMN", r'Column of the log: "depth_m=Depth \[cm]" or @cm.')
     log_format: Given = valued("FORMAT", r"Format of the log: TOML file with a \[log] table.")
     wait: bool = flag("--wait/--no-wait", "Wait for more rows, or stop at the end.", True)
     timeout: str = valued("TIME", "Stop if the log has not grown for this time.", "15 min")
 
-    def tail(self, vehicle: Vehicle, log: Path) -> tuple[GrowingLog, float]:
+    def tail(self, vehicle: Vehicle) -> tuple[GrowingLog, float]:
         """Return what reads the log, and how long it waits for more [s]."""
         from swimbladder.design.pool_day import GrowingLog
         from swimbladder.design.pool_day.rehearsal import check_waiting
@@ -167,7 +167,8 @@ class Followed(Options):
         form = LogFormat() if self.log_format is None else log_format(self.log_format)
         if self.wait:  # one bad row must not end the day
             form = form.model_copy(update={"bad_rows": "drop"})
-        tail = GrowingLog(log, vehicle, columns=given["columns"] or {}, log_format=form)
+        assert self.follow is not None
+        tail = GrowingLog(self.follow, vehicle, columns=given["columns"] or {}, log_format=form)
         return tail, given["timeout"]
 
 
@@ -216,15 +217,9 @@ class Goals(Options):
 _POOL = 4.5  # m
 
 
-_SIMULATE = typer.Option("--simulate", help="Rehearse on the simulated vehicle.")
-_FOLLOW = typer.Option(metavar="LOG", help="Follow a log that is being written.")
-
-
 @grouped("simulate follow bottom_depth plan truth target_std", out=Path("swimbladder-pool"))
 def pool(
     vehicle: VehicleName,
-    simulate: Annotated[bool, _SIMULATE] = False,
-    follow: Annotated[Path | None, _FOLLOW] = None,
     *,
     rehearsed: Rehearsed,
     followed: Followed,
@@ -238,7 +233,8 @@ def pool(
     Exit code 0 when the parameters are good enough, 1 when they are not, with the reason. What is
     known is in DIR at all times; a run in the same folder goes on from there.
     """
-    if simulate == (follow is not None):
+    simulate = rehearsed.simulate
+    if simulate == (followed.follow is not None):
         why = "a guided run is either simulated or follows a log"
         remedy = "Give --simulate to rehearse, or --follow LOG at the pool"
         raise InputError(why, field="--simulate, --follow", remedy=remedy)
@@ -269,8 +265,7 @@ def pool(
     if simulate:
         operator = rehearsed.operator(v, bottom or _POOL)
     else:
-        assert follow is not None
-        tail, limit = followed.tail(v, follow)
+        tail, limit = followed.tail(v)
     with compile_notice(), _no_empty_folder(to.out):
         kept = _begin(to.out, v, mode)
         day = PoolDay(v, to.out, rules=rules, tasks=tasks, asked=asked, mode=mode, kept=kept)

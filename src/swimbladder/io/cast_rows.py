@@ -94,8 +94,6 @@ def _mixed(p: Array, SA: Array, CT: Array) -> tuple[Array, Array]:
     return np.repeat(s, sizes), np.repeat(c, sizes)
 
 
-Mask = Flags
-
 _TURN = 0.05  # share of the range, 1 dbar at least, that pressure goes back at a turn
 _LONG = 0.5  # share of the longest leg that makes another one a profile
 _SHUFFLED = 0.2  # mean step over the range: rows in no order have 1/3
@@ -176,7 +174,7 @@ def one_leg(raw: RawCast, pressure: Array, profile: int | None) -> NDArray[np.in
     return chosen[np.argsort(pressure[chosen], kind="stable")]
 
 
-def without_spikes(raw: RawCast, pressure: Array) -> Mask:
+def without_spikes(raw: RawCast, pressure: Array) -> Flags:
     """Return which rows, in the order of pressure, are no spikes; those left out are reported."""
     assert raw.salinity is not None
     good = (pressure >= 0.0) & (pressure <= DEEPEST)
@@ -204,13 +202,13 @@ def without_spikes(raw: RawCast, pressure: Array) -> Mask:
     return good
 
 
-def _say(raw: RawCast, out: Mask, why: str) -> None:
+def _say(raw: RawCast, out: Flags, why: str) -> None:
     if out.any():
         first = raw.at(int(np.flatnonzero(out)[0]))
         raw.report.append(f"{counted(int(out.sum()), 'row')} {why} left out, the first on {first}")
 
 
-def _spikes(values: Array, floor: float) -> Mask:
+def _spikes(values: Array, floor: float) -> Flags:
     """Return which values are far off the running median; ends have narrower windows."""
     off = np.abs(values - _running_median(values))
     noise = _SCALE * _running_median(off)

@@ -9,8 +9,6 @@ from swimbladder.io.log_table import Table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.physics.arrays import Array, Flags
 
-Mask = Flags
-
 _GAP = 5.0  # median steps
 _FAR = 8.0  # standard deviations of the noise
 _FASTER = 3.0  # times the largest steps that the signal is seen to keep up
@@ -74,7 +72,7 @@ def find_gaps(table: Table, file: LogFile) -> tuple[tuple[float, float], ...]:
     return tuple((float(time[k]), float(time[k + 1])) for k in at)
 
 
-def suspects(table: Table, gaps: Sequence[tuple[float, float]], file: LogFile) -> Mask:
+def suspects(table: Table, gaps: Sequence[tuple[float, float]], file: LogFile) -> Flags:
     """Return which samples have a spike in depth, volume, piston or voltage."""
     data, found = table.values, np.zeros(len(table.line), dtype=bool)
     done = "dropped" if file.form.spikes == "drop" else 'kept; spikes = "drop" would leave them out'
@@ -92,7 +90,7 @@ def suspects(table: Table, gaps: Sequence[tuple[float, float]], file: LogFile) -
     return found
 
 
-def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, float]]) -> Mask:
+def spikes(name: str, values: Array, time: Array, gaps: Sequence[tuple[float, float]]) -> Flags:
     """Return which single samples of a column stand far off both their neighbours.
 
     A Hampel test over three samples: how far a sample is from their median, against the noise, as

@@ -20,6 +20,7 @@ from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import InputError
 from swimbladder.io.progress import Advance, silent
+from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store, each
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, running_pump
@@ -279,21 +280,13 @@ def missions_csv(flown: FaultResult) -> str:
         "unsupervised": [Outcome(int(how)).words for how in flown.outcome(1)],
         "unsupervised_deepest_m": map(_number, flown.result(1, "deepest")),
     }
-    return _csv(columns, zip(*columns.values(), strict=True))
+    return rows_csv(columns, zip(*columns.values(), strict=True))
 
 
 def trace_csv(rows: Array, tick: float) -> str:
     """Return a row per tick [n, len(Trace)] of one mission."""
-    times = (np.arange(len(rows)) * tick)[:, None]
-    return _csv(TRACE_COLUMNS, (map(_exact, row) for row in np.hstack((times, rows))))
-
-
-def _csv(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    return "".join(",".join(cells) + "\n" for cells in (names, *rows))
-
-
-def _exact(value: float) -> str:
-    return repr(float(value)) if math.isfinite(value) else "nan"
+    whole = np.column_stack((np.arange(len(rows)) * tick, rows))
+    return rows_csv(TRACE_COLUMNS, np.where(np.isfinite(whole), whole, np.nan).tolist())
 
 
 def _number(value: float) -> str:
