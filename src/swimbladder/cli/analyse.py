@@ -34,11 +34,12 @@ def analyse(vehicle: VehicleName, *, asked: Asked, to: Files) -> None:
 
 
 def _analysis(vehicle: str, depth: float) -> Analysis:
+    from swimbladder.design.analysis import DOWN
     from swimbladder.design.analysis import analyse as analyse_vehicle
     from swimbladder.errors import InputError, check_number
     from swimbladder.io.config import locate
 
-    check_number(depth, "--depth", "m", least=0.0)
+    check_number(depth, "--depth", "m", least=0.0, remedy=DOWN)
     v = loaded(vehicle)
     try:
         return analyse_vehicle(v, depth=depth)

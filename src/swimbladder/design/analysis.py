@@ -26,6 +26,8 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
 from swimbladder.vehicle import Vehicle
 
+DOWN = "Give a depth below the surface, positive down"
+
 
 def _rest(a: Analysis) -> Iterator[str]:
     p, v = a.operating_point, a.vehicle
@@ -427,8 +429,7 @@ def analyse(
         The law commands what the actuator does not take, it has no sample time, or the depth is
         negative.
     """
-    remedy = "Give a depth below the surface, positive down"
-    check_number(depth, "depth", "m", least=0.0, remedy=remedy)
+    check_number(depth, "depth", "m", least=0.0, remedy=DOWN)
     controller = vehicle.controller
     if law is None and controller is not None:
         law, bound = own_law(vehicle, sampled=False)
