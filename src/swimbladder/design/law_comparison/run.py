@@ -37,7 +37,7 @@ from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import trial
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import ALONE, BOARD, SUPERVISED, Drawn, Trial, summarise
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
@@ -413,8 +413,7 @@ def compare_laws(
     if runs < _FEWEST:
         remedy = f"Give {_FEWEST} or more"
         raise InputError("too few runs", field="runs", value=runs, remedy=remedy)
-    if seed < 0:
-        raise InputError("must be 0 or more", field="seed", value=seed, remedy="Give `seed=1`")
+    check_number(seed, "seed", least=0.0)
     everyone = contenders.own(vehicle)
     names, not_compared = contenders.choose_laws(vehicle, laws)
     where = contenders.places(vehicle, depth_range, supervised=supervised)

@@ -28,7 +28,7 @@ from swimbladder.design.planning.nominal_trajectory import (
     stretched,
 )
 from swimbladder.design.planning.task import Limits, Steps, Task, task_of
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
@@ -36,6 +36,7 @@ from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import no_such
 
 _ANSWER = "goal arrive arrival_s moved_m3 energy_J at_limit gap proven residual_m sentences"
 _LOST = 0.1  # of the step: a motion that far from the plan is another
@@ -229,11 +230,9 @@ def _lost(found: Plan) -> NoAnswerError:
 
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
     if goal not in GOALS:
-        remedy = f"Choose from {', '.join(GOALS)}"
-        raise InputError("no such goal", field="goal", value=goal, remedy=remedy)
+        raise no_such("no such goal", goal, GOALS, field="goal")
     if arrive is not None and arrive not in ARRIVALS:
-        remedy = f"Choose from {', '.join(ARRIVALS)}"
-        raise InputError("no such arrival", field="arrive", value=arrive, remedy=remedy)
+        raise no_such("no such arrival", arrive, ARRIVALS, field="arrive")
     if goal == "time":
         if duration is not None:
             what = "the goal time looks for the duration itself"
@@ -243,8 +242,8 @@ def _check(goal: str, arrive: str | None, duration: float | None) -> str:
     if arrive == "band":
         what = f"the goal {goal} is for plans that end at rest"
         raise InputError(what, field="arrive", value=arrive, remedy="Leave it out")
-    if duration is not None and not 0.0 < duration < math.inf:
-        raise InputError("must be above 0", field="duration", value=duration, unit="s")
+    if duration is not None:
+        check_number(duration, "duration", "s", above=0.0)
     return "rest"
 
 

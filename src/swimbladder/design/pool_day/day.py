@@ -47,6 +47,7 @@ from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import no_such
 
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
 _SHARE = 0.5  # of the volume that is free to either side of neutral
@@ -602,10 +603,7 @@ def _targets(given: float | Sequence[Target] | None, names: Sequence[str]) -> tu
         return tuple(Target(name, share) for name in main)
     for one in given:
         if one.name not in names:
-            remedy = f"Choose from {', '.join(names)}"
-            raise InputError(
-                "it is not identified", field="target_std", value=one.name, remedy=remedy
-            )
+            raise no_such("it is not identified", one.name, names, field="target_std")
         if one.relative:
             _check_share("target_std", one.std)
         unit, remedy = NAMES[one.name].unit, "Give a standard deviation, or a share like 2 %"

@@ -33,6 +33,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
 from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
+from swimbladder.vehicle.schema import no_such
 
 SOONER = 1.05  # times the time of the fastest law, within which the quietest is taken
 MOVED = 10e-3 / 3600.0  # m3/s, that a fast law is to move at most while it holds a depth
@@ -191,8 +192,7 @@ def tune(
         No gains hold this vehicle, with what limits them, or the energy of its motor is not known.
     """
     if goal not in gains.GOALS:
-        remedy = f"Choose from {', '.join(gains.GOALS)}"
-        raise InputError("no such goal", field="goal", value=goal, remedy=remedy)
+        raise no_such("no such goal", goal, gains.GOALS, field="goal")
     depths, names = depth_range, laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)

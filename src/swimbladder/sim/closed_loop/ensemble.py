@@ -42,7 +42,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import balance_steps, base_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.vehicle.schema import no_such
 
 if TYPE_CHECKING:
     import xarray
@@ -65,10 +65,8 @@ def vary_plants(
             values[name] = array
         else:
             own = [field for field in Plant._fields if not np.isnan(getattr(p, field))]
-            known = (*own, *values)
             what = "neither the plant nor the law has such a parameter"
-            remedy = f"{did_you_mean(name, known)}Known: {', '.join(known)}"
-            raise InputError(what, field=f"vary[{name!r}]", value=name, remedy=remedy)
+            raise no_such(what, name, (*own, *values), field=f"vary[{name!r}]")
     for name in ("T1", "a_b", "a_s"):
         least = plants[Plant._fields.index(name)].min()
         if least <= 0.0:
