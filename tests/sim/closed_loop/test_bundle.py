@@ -54,6 +54,17 @@ def test_a_bundle_takes_the_steps_of_its_first_vehicle_whatever_the_others_ask_f
     assert not np.array_equal(together[1], finer[0], equal_nan=True)
 
 
+def test_a_drag_that_asks_for_thousands_of_steps_is_no_vehicle():
+    """A search that is lost there took seconds for each run along a hundred samples."""
+    vehicle = load_vehicle("ntnu-bv")
+    volume = volume_of(vehicle, 3.0, 30e-6)
+    p = plant(vehicle)
+    lost = p._replace(d_t=1e4 * p.d_t, a_b=1e3 * p.a_b)
+    starts = np.array([[0.0, volume[0], 3.0, 0.0]])
+    assert np.isfinite(Course(TIME, volume, ramps=True).follow([p], starts)).all()
+    assert np.isnan(Course(TIME, volume, ramps=True).follow([lost], starts)).all()
+
+
 def test_uneven_samples():
     vehicle = load_vehicle("feup-em")
     rng = np.random.default_rng(0)

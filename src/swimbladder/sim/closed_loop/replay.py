@@ -149,6 +149,7 @@ def _check(t: Any, inputs: Any, name: str) -> None:
 
 _FEW = 8  # halvings: without a motor the rates are those of drag and of psi
 _DEEPEST = 50.0  # m below the start, for the volume that psi may take
+_MOST_STEPS = 1000  # between two samples: a drag that a search has lost
 
 
 class Spans(NamedTuple):
@@ -254,6 +255,8 @@ class Course:
                 [base_steps(reach, h, fastest) for h in self.different.tolist()], np.int64
             )
         except InputError:  # far from any vehicle: a search looks elsewhere
+            return depth
+        if steps.max() > _MOST_STEPS:
             return depth
         count = len(self.different)
         tables, ready = np.empty((count, 2, COEFFICIENTS)), np.zeros(count, np.uint8)
