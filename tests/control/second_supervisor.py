@@ -578,7 +578,7 @@ class SafeAction:
     def __init__(self, p: SupervisorParameters) -> None:
         self.p = p
         self.phase, self.idle, self.window = 0, 0, 0
-        self.out = p.volume.volume_least
+        self.out, self.seen = p.volume.volume_least, 0.0
         self.direction = Direction.OUTWARD
         self.from_depth, self.release = 0.0, False
 
@@ -597,6 +597,7 @@ class SafeAction:
     def _follow(self, at: Sight) -> None:
         """Note what the volume does, and turn the push where it goes the wrong way."""
         p, lost = self.p.push, self.out - at.volume
+        alive, self.seen = at.volume != self.seen, at.volume
         if at.measured and -lost > p.grown:
             self.out, self.idle = at.volume, 0
             if self.direction.is_turned:
@@ -606,7 +607,7 @@ class SafeAction:
         creeps = self.direction is Direction.TRIED_AS_IT_FELL and long and lost > p.grown
         fell = lost > p.away or creeps
         turn = self._fell(at, lost) if fell else False
-        turn = turn or self._stands(at, lost)
+        turn = turn or self._stands(at, lost, alive)
         if self.direction.is_try and at.blind:
             turn = True
         self.idle += 1
@@ -627,16 +628,21 @@ class SafeAction:
         rapid = lost > (self.idle + 1) * self.p.push.away_fast
         return rapid or not (at.light or at.blind)
 
-    def _stands(self, at: Sight, lost: float) -> bool:
+    def _stands(self, at: Sight, lost: float, alive: bool) -> bool:
         """Return whether a volume that does not grow turns the push."""
         p = self.p.push
         long = self.idle >= p.astray
-        at_inner_end = not at.blind and at.volume < self.p.volume.volume_low
+        inside = at.volume < self.p.volume.volume_low
+        at_inner_end = inside and not at.blind
         patience = p.push if at.high else p.again
-        in_vain = at.sinks and not lost > p.grown and self.idle >= patience
+        in_vain = (at.sinks or inside) and not lost > p.grown and self.idle >= patience
         match self.direction:
+            case Direction.OUTWARD | Direction.OUTWARD_FOR_GOOD if at_inner_end:
+                return long
+            case Direction.OUTWARD if at.sinks and alive and not at.blind:
+                return not lost > p.grown and self.idle >= p.push
             case Direction.OUTWARD | Direction.OUTWARD_FOR_GOOD:
-                return at_inner_end and long
+                return False
             case Direction.TRIED_AS_IT_STOOD:
                 return long
             case Direction.TRIED_AS_IT_FELL:
@@ -653,7 +659,7 @@ class SafeAction:
             self.phase = p.push
             return p.away_hold
         motor = self.p.rate.positioner == 0.0
-        if motor and begins and self.direction is Direction.TRIED_AS_IT_FELL:
+        if motor and begins and self.direction.is_try:
             return -outward_command(self.p, at.depth, 0.0)
         return p.away_command
 
@@ -663,8 +669,9 @@ class SafeAction:
         self.phase += 1
         rested = self.phase - p.push
         if rested >= 0:
-            patience = p.again if at.high or (at.good and at.up) else p.stall
-            goes_on = at.sinks or (at.rises and not at.high) or self.idle < patience
+            out = at.high and at.measured
+            patience = p.again if out or (at.good and at.up) else p.stall
+            goes_on = at.sinks or (at.rises and not out) or self.idle < patience
             if rested >= p.rest:
                 self.idle = 0
             if rested >= p.rest or goes_on:
@@ -842,6 +849,7 @@ class SecondSupervisor:
             "still": self.still.ticks,
             "missed": min(self.board.missed, self.p.board.missed),
             "pushed": self.action.out,
+            "seen": self.action.seen,
             "astray": self.action.idle,
             "turns": self.action.direction.value,
             "reason": self.reason,
@@ -896,6 +904,7 @@ class SecondSupervisor:
         self.proof.ticks, self.proof.pushes = s["unproven"], s["unproven"] == OFF
         self.still.ticks, self.board.missed = s["still"], s["missed"]
         self.action.out, self.action.idle = s["pushed"], s["astray"]
+        self.action.seen = s["seen"]
         self.action.direction = direction_of(s["turns"])
         self.reason, self.reasons = reason_of(s["reason"]), set()
         self.depth.cause = cause_of("depth", s["blind"] - self.p.depth.blind_quarters)

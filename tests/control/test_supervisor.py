@@ -1243,6 +1243,66 @@ class TestSafeAction:
         last = [command for command, _ in rows[-1000:]]
         assert set(last) == {p.push.surface_command}
 
+    @pytest.mark.promise("swapped-wires", faults=["blocked inward", "actuator reversed"])
+    @pytest.mark.parametrize("swapped", [True, False])
+    def test_a_push_that_stands_while_the_vehicle_sinks_is_tried_the_other_way_once(self, swapped):
+        """Blocked inward beside swapped wires, or outward: one noisy reading tells it from stuck.
+
+        c z at 6 m is 0.5 V: a quarter of 12 V moves the piston, for the 2 s of a try.
+        """
+        p = self.limits
+        s, extra, commands = SUPERVISOR.initial(p, WET, 1.0), 0.0, []
+        for k in range(400):
+            seen = WET._replace(volume=6e-5 + extra + 1e-8 * (-1) ** k, depth=5.0 + 4e-3 * k)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            commands.append(command)
+            way = -command if swapped else command
+            extra = min(max(extra + 0.3 * p.rate.rate * way, 0.0 if swapped else -1.0), 2.9e-4)
+            extra = extra if swapped else min(extra, 0.0)
+        tried = [k for k, command in enumerate(commands) if command < 0.0]
+        assert tried[0] == pytest.approx(int(p.push.push), abs=2)
+        assert commands[tried[0]] == -3.0
+        if swapped:
+            assert extra == 2.9e-4
+            assert commands[-1] in (p.push.away_command, p.push.away_hold)
+        else:
+            assert len(tried) <= p.push.astray
+            assert commands[-1] == p.push.surface_command
+
+    @pytest.mark.promise("full-buoyancy", faults=["port throttled outward", "volume drift"])
+    @pytest.mark.parametrize("volume", [math.nan, 5e-4])
+    def test_a_volume_that_nobody_measures_any_more_is_not_taken_for_all_out(self, volume):
+        """The last that was good is: rests would lose what comes through the port, as at an end."""
+        p, rests = self.limits, {}
+        for now in (volume, 3.4e-4):
+            s = SUPERVISOR.initial(p, WET, 1.0)
+            held = 0
+            for k in range(1000):
+                seen = WET._replace(depth=30.0, volume=3.4e-4 if k < 10 else now)
+                command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+                held += command == p.push.hold_command
+            rests[now] = held
+        assert rests[volume] == 0  # for 300 s of it
+        assert rests[3.4e-4] >= 5 * p.push.rest
+
+    @pytest.mark.promise("swapped-wires", faults=["pauses", "actuator reversed"])
+    def test_a_turned_push_that_ends_at_the_inner_end_is_turned_back_on_the_bottom_too(self):
+        """The wires were mended while the board paused; the vehicle does not sink any more."""
+        p = self.limits
+        s, commands, volume = SUPERVISOR.initial(p, WET, 1.0), [], 0.0
+        for k in range(200):
+            mended = k >= 20
+            lost = 65 if k == 20 else 0
+            volume = -3.5e-4 if k == 20 else volume
+            seen = WET._replace(depth=60.0, volume=volume, lost=lost)
+            command, s, _ = SUPERVISOR.step(p, s, seen, 0.0)
+            commands.append(command)
+            volume += 0.3 * p.rate.rate * (1.0 if mended else -1.0) * command
+            volume = min(max(volume, -3.5e-4), 3.5e-4)
+        assert commands[19] == p.push.away_command
+        assert set(commands[25:200]) == {p.push.surface_command}
+        assert volume >= p.volume.volume_high
+
     @pytest.mark.promise("swapped-wires")
     def test_a_volume_that_lies_costs_one_try(self):
         """It reads inwards whatever is commanded: the push is turned round once, and back."""

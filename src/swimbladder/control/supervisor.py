@@ -333,6 +333,7 @@ class PushWatch(NamedTuple):
     pushed: float  # m3, volume as far out as the push has brought it
     astray: Count  # ticks since a push moved it out
     turns: Count  # of the push: 1 for good the way it was; 2 tried, 3 as it fell, 7 as it grew so
+    seen: float = 0.0  # m3, volume at the last tick
 
 
 class Recovery(NamedTuple):
@@ -891,13 +892,16 @@ def watch_push(
 
     A motor whose wires are swapped drives it away at its full rate. What falls more slowly the sea
     may drive back: it is tried the other way unless the vehicle is light (`lifts`), and back where
-    that gains nothing. One that stands is tried at the inner end only, where little is lost. A tick
-    that is lost, or does not see the volume, begins no such try and ends any. What a turned push
-    gained stays turned until the volume falls, or stands while the vehicle sinks. A rest in which
-    the sea drives it in is over. Numbers of turns that there are not, of bits that flipped, are
-    none.
+    that gains nothing. One that stands is tried at the inner end, where little is lost, or once it
+    has stood for a whole push while the vehicle sinks and its reading moves. A tick that is lost,
+    or does not see the volume, begins no such try and ends any. What a turned push gained stays
+    turned until the volume falls, or stands while the vehicle sinks or at the inner end. A rest in
+    which the sea drives it in is over. Numbers of turns that there are not, of bits that flipped,
+    are none.
     """
     turns = s.turns if s.turns <= TRIED or s.turns == GREW else 0
+    moves = volume != s.seen  # by noise at least: it is none that is stuck
+    s = s._replace(seen=volume)
     gained = volume - s.pushed
     if measured and gained > p.push.grown:
         return s._replace(pushed=volume, astray=0, turns=GREW if turns > 1 else turns)
@@ -906,9 +910,12 @@ def watch_push(
     fell = gained < -p.push.away or (inward and late and turns == TRIED)
     fast = gained < -(p.push.away_fast + times(s.astray, p.push.away_fast))
     patience = p.push.push if high else p.push.again
-    stands = turns > 1 and sinks and not inward and s.astray >= patience
-    if turns == 2 or not (blind or turns == GREW or volume >= p.volume.volume_low):
+    inside = volume < p.volume.volume_low
+    stands = turns > 1 and (sinks or inside) and not inward and s.astray >= patience
+    if turns == 2 or (inside and not (blind or turns == GREW)):
         stands = late
+    elif turns == 0 and sinks and not (blind or inward) and moves:
+        stands = s.astray >= p.push.push
     tries = p.push.astray if lifts else p.push.again
     stands = stands or (turns == TRIED and s.astray >= tries)
     s = s._replace(astray=more(s.astray, 1), turns=turns)
@@ -951,14 +958,15 @@ def bring_up(
     if s.push.turns > 1:
         command = p.push.away_command
         phase = 0
-        if s.push.turns == TRIED and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
+        if s.push.turns < GREW and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
             command = -outward(p, depth, 0.0)
         if high and s.push.astray >= p.push.astray:
             command = p.push.away_hold
             phase = p.push.push
     elif phase >= p.push.push:
-        patience = p.push.again if high or (good and up) else p.push.stall
-        gains = (moves and not high) or s.push.astray < patience
+        out = high and measured
+        patience = p.push.again if out or (good and up) else p.push.stall
+        gains = (moves and not out) or s.push.astray < patience
         if phase >= more(p.push.push, p.push.rest):
             s = s._replace(push=s.push._replace(astray=0))
             phase = less(p.push.push, p.push.again)
