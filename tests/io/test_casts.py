@@ -243,6 +243,12 @@ def test_numbers_that_no_sea_has(tmp_path, column, change, remedy):
     assert remedy in error.remedy
 
 
+def test_temperature_and_salinity_that_have_changed_places(tmp_path):
+    _, t, s = sea()
+    error = refused(plain(tmp_path, temperature_degC=s, salinity=t))
+    assert "may have changed places" in error.remedy
+
+
 def test_a_conductivity_in_the_wrong_unit(tmp_path):
     p, t, s = sea()
     C = gsw.C_from_SP(s, t, p)

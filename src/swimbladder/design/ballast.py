@@ -34,7 +34,7 @@ from swimbladder.physics.hull import (
     weighing,
     weight_mass,
 )
-from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
+from swimbladder.physics.seawater import Cast, Column, cast_column, check_rows, uniform_column
 from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
 from swimbladder.units import in_unit, parse_quantity, read_numbers, rounded
@@ -159,7 +159,6 @@ def sensitivities(vehicle: Vehicle, column: Column, uncertainty: Uncertainty) ->
     }
 
 
-_KNOWN = 0.1  # kg/m3, 1 sigma, to which water between two rows has to be known
 _LIGHT = 5e-5  # kg, less is nothing
 _WORTH = 0.01  # share of the stroke that a better trim has to bring, to be spoken of
 
@@ -669,11 +668,7 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
             raise InputError(what, field=field, value=x, unit=unit, remedy=remedy)
 
     for column in columns:
-        rows = 3 if column.cast is None else len(column.cast.pressure)
-        unknown = float(column.density_std.max())
-        what = f"the cast {column.source} has two rows, and between them the water is not known"
-        remedy = "Give the rows between, or leave the cast out for water of constant density"
-        need(rows > 2 or unknown <= _KNOWN, "cast", round(unknown, 3), "kg/m3", what, remedy)
+        check_rows(column)
     what, remedy = "a probability from 50 % to below 100 % is asked for", "Write it like 95 %"
     need(0.5 <= probability < 1.0, "probability", probability, "", what, remedy)
     what = "no speed of a vehicle that moves by its volume"

@@ -16,6 +16,7 @@ from swimbladder.physics.arrays import Array
 from swimbladder.units import unit_factor
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
+_HOT = 32.5  # degC, and a salinity
 COLDEST, WARMEST = -3.0, 45.0  # degC; freezing at 34 and 1000 dbar is -2.6
 _DEEP, _WARM = 300.0, 25.0  # dbar, degC: below it no sea is as warm; the Red Sea has 22
 # (dbar, degC) too: the Red Sea ends at 3000 m, the Mediterranean has 15 down to 5270 m, the Sulu
@@ -55,6 +56,11 @@ def check_units(raw: RawCast) -> RawCast:
 
 def _temperature(raw: RawCast) -> None:
     middle = float(np.median(raw.temperature))
+    salt = np.inf if raw.salinity is None else float(np.median(raw.salinity))
+    if _HOT < middle <= WARMEST and COLDEST <= salt < _HOT:  # where it is as hot, it is saltier
+        what = f"water of {middle:.4g} degC and a salinity of {salt:.4g} is in no sea"
+        remedy = "Their columns may have changed places: map each with its own name"
+        raise raw.refused(what, remedy, "temperature_degC", value=round(middle, 3))
     what = f"a temperature of {middle:.4g} degC is none that water has in the sea"
     if COLDEST <= middle <= WARMEST:
         deep = raw.temperature[np.abs(raw.down) > _DEEP]

@@ -7,7 +7,9 @@ import pytest
 import swimbladder as sb
 from swimbladder.design.ballast import Target, ballast_in, sensitivities, uncertainty_of
 from swimbladder.errors import InputError
+from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import Cast, cast_column
+from swimbladder.sim.mission.prepare import water_of
 from tests.quoted import refused
 
 
@@ -75,3 +77,12 @@ def test_the_hole_is_in_the_neutral_volumes_and_two_rows_are_refused():
     with refused(InputError, field="cast"):
         ballast_in(vehicle, [cast_column(cast([0, 100], stepped))], uncertainty=known)
     ballast_in(vehicle, [cast_column(cast([0, 100], lambda p: 30.0 + 0.0 * p))], uncertainty=known)
+
+
+def test_a_mission_does_not_fly_between_two_rows():
+    vehicle = sb.load_vehicle("example-float")
+    down = {"kind": "descend", "depth": 50.0}
+    task = Mission(phases=[down])
+    with refused(InputError, field="cast"):
+        water_of(vehicle, task, cast([0, 100], stepped))
+    assert "no row" in " ".join(water_of(vehicle, task, cast(WITH_HOLE, stepped)).report)

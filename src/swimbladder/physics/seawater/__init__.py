@@ -12,7 +12,11 @@
 gsw is imported where a cast is turned into a column, not before.
 """
 
-from swimbladder.physics.seawater.cast import Cast as Cast, cast_column as cast_column
+from swimbladder.physics.seawater.cast import (
+    Cast as Cast,
+    cast_column as cast_column,
+    check_rows as check_rows,
+)
 from swimbladder.physics.seawater.column import (
     Column as Column,
     look_up as look_up,

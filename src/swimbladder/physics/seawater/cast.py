@@ -135,6 +135,18 @@ def cast_column(cast: Cast, max_depth: float | None = None, *, step: float = 1.0
     )
 
 
+_KNOWN = 0.1  # kg/m3, 1 sigma, to which water between two rows has to be known
+
+
+def check_rows(column: Column) -> None:
+    """Raise InputError for the water of a cast of two rows that does not follow from them."""
+    unknown = float(column.density_std.max())
+    if column.cast is not None and len(column.cast.pressure) <= 2 and unknown > _KNOWN:
+        what = f"the cast {column.source} has two rows, and between them the water is not known"
+        remedy = "Give the rows between, or leave the cast out for water of constant density"
+        raise _problem(what, value=round(unknown, 3), unit="kg/m3", remedy=remedy)
+
+
 _HOLE = 0.05  # of the range of a cast, without a row
 _SLIGHT = 0.05  # kg/m3, 1 sigma, that is not spoken of
 

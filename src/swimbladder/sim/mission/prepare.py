@@ -37,6 +37,7 @@ from swimbladder.physics.seawater import (
     WaterMotion,
     cast_column,
     check_motion,
+    check_rows,
     look_up,
     motion_table,
     uniform_column,
@@ -106,6 +107,7 @@ def water_of(vehicle: Vehicle, mission: Mission, cast: Cast | None = None) -> Co
         return uniform_column(vehicle.water, _MARGIN * deepest + _BELOW)
     warning = check_cast_unit(cast, deepest, vehicle.hull.depth_limit)
     column = cast_column(cast)
+    check_rows(column)
     return replace(column, report=(*column.report, warning)) if warning else column
 
 
