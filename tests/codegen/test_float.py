@@ -21,11 +21,11 @@ from swimbladder.control.pump_valve import DriveState, delivery, valve_rate, wea
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import supervisor_parameters
-from swimbladder.design.linear.pump_valve import pump_stall, with_supply
+from swimbladder.design.linear.pump_valve import pump_stall
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.mission import Mission, Phase
-from swimbladder.physics.buoyancy_engine import drive_map
+from swimbladder.physics.buoyancy_engine import at_voltage, drive_map
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.engine.rodas.records import Note
@@ -116,7 +116,7 @@ class TestSeconds:
         law, numbers = own_law(vehicle, sampled=False)
         p = board_law(vehicle, law, numbers, 1.0, deepest=2000.0).parameters.drive
         volts = share * vehicle.supply.voltage
-        low = with_supply(vehicle, volts)
+        low = at_voltage(vehicle, volts)
         state = DriveState(**dict.fromkeys(DriveState._fields, 0.0))
         for z in (0.0, 400.0, 1500.0, 2000.0):
             drive = drive_map(low, [z * vehicle.water.specific_weight])
@@ -144,7 +144,7 @@ class TestSeconds:
         own = the_float()
         hull = own.hull.model_copy(update={"depth_limit": None})
         vehicle = own.model_copy(update={"hull": hull})
-        low = with_supply(vehicle, 0.8 * vehicle.supply.voltage)
+        low = at_voltage(vehicle, 0.8 * vehicle.supply.voltage)
         sure = 0.9 * 0.95 * pump_stall(low, depth=0.0).holding_depth
         p = supervisor_parameters(vehicle, 1.0).deep
         assert p.depth_limit == pytest.approx(sure, abs=5.0)  # its table's step

@@ -282,8 +282,7 @@ class TimeLimit(Options):
         if limit is None:
             return vehicle
         check_number(limit, "--time-limit", "s", above=0.0)
-        own = vehicle.supervisor.model_copy(update={"time_limit": limit})
-        return vehicle.model_copy(update={"supervisor": own})
+        return vehicle.but("supervisor", time_limit=limit)
 
 
 class Golden(Options):

@@ -431,8 +431,7 @@ def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:
     """Return the vehicle whose supervisor knows that it may lie on the pool's bottom."""
     if vehicle.supervisor.bottom_depth is not None:
         return vehicle
-    knows = vehicle.supervisor.model_copy(update={"bottom_depth": pool.bottom_depth})
-    return vehicle.model_copy(update={"supervisor": knows})
+    return vehicle.but("supervisor", bottom_depth=pool.bottom_depth)
 
 
 def write_library(library: Library, out: str | Path) -> list[Path]:

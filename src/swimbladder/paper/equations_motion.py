@@ -107,7 +107,7 @@ def _small(vehicle: Vehicle) -> list[EquationCheck]:
 def _shallow(e: Evidence) -> list[EquationCheck]:
     """Eqs (25)-(29) on a vehicle without compressibility, as they assume."""
     K2, T2 = e.motion.K2, e.motion.T2
-    free = e.vehicle.model_copy(update={"hull": e.vehicle.hull.model_copy(update={"psi": 0.0})})
+    free = e.vehicle.but("hull", psi=0.0)
     p, k_b, k_dl = plant(free), free.water.specific_weight, free.drag.k_dl
     motion = linearise(p._replace(positioner=1.0))
     speed = FREQUENCIES * motion.at(FREQUENCIES)[:, 0, 0]

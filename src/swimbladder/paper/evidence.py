@@ -152,8 +152,7 @@ def _still(vehicle: Vehicle) -> dict[str, Any]:
     """Return the fits to experiments without noise, with and without compressibility."""
     dVs = [sign * dV for dV in VOLUME_STEPS for sign in (1.0, -1.0)]
     records = pool.still_starts(vehicle, dVs=dVs)
-    stiff = vehicle.hull.model_copy(update={"psi": 0.0})
-    free = pool.still_starts(vehicle.model_copy(update={"hull": stiff}), dVs=dVs)
+    free = pool.still_starts(vehicle.but("hull", psi=0.0), dVs=dVs)
     return {
         "still": tuple(zip(dVs, map(fit_depth, records), strict=True)),
         "still_speeds": tuple(map(fit_speed, records)),

@@ -8,6 +8,7 @@ without one stays where dry friction or self-locking hold it, otherwise its moto
 voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -243,11 +244,13 @@ def pressure_ratio(a: PumpAndValve) -> float:
 
 
 def at_voltage(vehicle: Vehicle, voltage: float) -> Vehicle:
-    """Return the vehicle with another voltage of its supply [V], the same one without a supply."""
-    if vehicle.supply is None:
+    """Return the vehicle with another voltage of its supply [V].
+
+    As it is without a supply, or where the voltage is not finite.
+    """
+    if vehicle.supply is None or not math.isfinite(voltage):
         return vehicle
-    supply = vehicle.supply.model_copy(update={"voltage": voltage})
-    return vehicle.model_copy(update={"supply": supply})
+    return vehicle.but("supply", voltage=voltage)
 
 
 def running_pump(

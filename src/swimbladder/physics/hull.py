@@ -166,8 +166,7 @@ def weighing(vehicle: Vehicle, mass: float) -> Vehicle:
     if not vehicle.hull.parts:
         grown = (trim - vehicle.trim_error) * vehicle.water.compressibility
         psi -= grown * vehicle.water.specific_weight
-    hull = vehicle.hull.model_copy(update={"psi": psi})
-    return vehicle.model_copy(update={"hull": hull, "trim_error": trim})
+    return vehicle.but("hull", psi=psi).model_copy(update={"trim_error": trim})
 
 
 def neutral_volume(vehicle: Vehicle, column: Column, *, mass: float | None = None) -> Array:

@@ -505,6 +505,10 @@ class Vehicle(Parameters):
         sensors = Sensors(**{**self.sensors.model_dump(), **given})
         return self.model_copy(update={"sensors": sensors})
 
+    def but(self, part: str, **values: Any) -> Vehicle:
+        """Return the vehicle with other values in a part, not checked: ``but("hull", psi=0.0)``."""
+        return self.model_copy(update={part: getattr(self, part).model_copy(update=values)})
+
     @property
     def command(self) -> Literal["voltage", "volume", "volume change"]:
         """What a control law commands: a positioner's volume, a change for pump and valve."""

@@ -10,7 +10,6 @@ from swimbladder import load_vehicle
 from swimbladder.cli import main
 from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
-from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import float_score, setting_of
@@ -31,6 +30,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle as load_file
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.physics.buoyancy_engine import at_voltage
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.hull import along_hull, neutral_volume
 from swimbladder.physics.seawater import cast_column
@@ -107,7 +107,7 @@ def test_a_board_knows_the_pump_of_a_full_battery():
         trial(FLOAT, BOUND, step, Drawn(2, None, supply, supervised=True, tick=1.0))
         for supply in (12.0, math.inf)
     )
-    own = with_supply(FLOAT, 12.0)
+    own = at_voltage(FLOAT, 12.0)
     knows = trial(own, BOUND, step, Drawn(2, None, supervised=True, tick=1.0))
     assert weak.settle_95 > 1.1 * knows.settle_95
     assert strong.settle_95 < weak.settle_95

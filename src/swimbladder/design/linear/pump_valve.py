@@ -81,14 +81,6 @@ def moved_by_volume(vehicle: Vehicle) -> Vehicle:
     return even_drag(vehicle).model_copy(update={"actuator": moved})
 
 
-def with_supply(vehicle: Vehicle, volts: float) -> Vehicle:
-    """Return a vehicle whose supply has so many volts; as it is where that is not finite."""
-    if vehicle.supply is None or not math.isfinite(volts):
-        return vehicle
-    low = vehicle.supply.model_copy(update={"voltage": volts})
-    return vehicle.model_copy(update={"supply": low})
-
-
 def drive_rates(vehicle: Vehicle, depths: Sequence[float]) -> DriveRates:
     """Return what the drive of a pump and valve does at depths [m] of the vehicle's own water."""
     z = np.asarray(depths, float)
@@ -141,10 +133,7 @@ def pump_stall(vehicle: Vehicle, *, depth: float) -> Stall:
     """
     a, supply = vehicle.engine, vehicle.supply
     assert isinstance(a, PumpAndValve)  # analyse
-    stiff = vehicle
-    if supply is not None:
-        without = supply.model_copy(update={"internal_resistance": 0.0})
-        stiff = vehicle.model_copy(update={"supply": without})
+    stiff = vehicle if supply is None else vehicle.but("supply", internal_resistance=0.0)
 
     def leaks(z: float) -> float:
         return a.leakage * max(_head(vehicle, a, z), 0.0) + a.creep

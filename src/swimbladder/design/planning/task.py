@@ -16,9 +16,9 @@ import numpy as np
 from swimbladder.control.registry import own_law
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.models import exponential_of, linearise, operating_point
-from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.physics.arrays import Array, Flags
+from swimbladder.physics.buoyancy_engine import at_voltage
 from swimbladder.physics.dynamics import Plant, drag_law, plant
 from swimbladder.vehicle import Vehicle
 
@@ -171,7 +171,7 @@ def task_of(
             what = "the vehicle's actuator takes a volume, not a voltage"
             raise InputError(what, field="supply", value=supply, remedy="Leave the supply out")
         check_number(supply, "supply", "V", above=0.0)
-        vehicle = with_supply(vehicle, supply)
+        vehicle = at_voltage(vehicle, supply)
     p = plant(vehicle, bottom_depth=bottom_depth)
     shallowest = max(p.z_surface, 0.0)
     rating = vehicle.hull.depth_limit

@@ -480,9 +480,8 @@ class Held(NamedTuple):
 
         speed [m/s]: at the start. quantised: whether the sensors round.
         """
-        quiet = self.vehicle.sensors.model_copy(update={"depth_noise": 0.0, "volume_noise": 0.0})
         return fly(
-            self.vehicle.model_copy(update={"sensors": quiet}),
+            self.vehicle.but("sensors", depth_noise=0.0, volume_noise=0.0),
             self.bound,
             target=self.depth,
             duration=duration,

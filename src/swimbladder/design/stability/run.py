@@ -489,8 +489,7 @@ def _simulated(vehicle: Vehicle, bound: BoundLaw, one: Predicted, depth: float) 
     p, h = plant(vehicle), bound.sample_time
     quantised = one.source == "quantum of the depth"
     quantum = {"depth_quantum": one.size} if quantised else {}
-    sensors = vehicle.sensors.model_copy(update=_STILL | quantum)
-    alone = vehicle.model_copy(update={"sensors": sensors})
+    alone = vehicle.but("sensors", **(_STILL | quantum))
     if one.source != "dead zone of the law":
         bound = bound.without_rest
     vary: dict[str, float] = {}

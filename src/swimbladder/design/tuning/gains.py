@@ -27,7 +27,7 @@ from swimbladder.control.motion import drift_time, e_folding_time
 from swimbladder.control.registry import LAWS
 from swimbladder.control.supervisor import Reason
 from swimbladder.design.linear.margins import Margins
-from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, with_supply
+from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
 from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, limiting_margins, trial_of
@@ -35,6 +35,7 @@ from swimbladder.design.tuning.region import Member, Region, neutral_random_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.progress import Advance
+from swimbladder.physics.buoyancy_engine import at_voltage
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.vehicle import PumpAndValve, Vehicle
@@ -169,7 +170,7 @@ def _drive(
     a, stroke = vehicle.engine, vehicle.stroke
     if not isinstance(a, PumpAndValve) or not depths:
         return None
-    rates = drive_rates(with_supply(vehicle, supply), depths)
+    rates = drive_rates(at_voltage(vehicle, supply), depths)
     neutral = [vehicle.neutral_volume(z) for z in depths]
     room = min(stroke.maximum - max(neutral), min(neutral) - stroke.minimum)
     return Drive(
@@ -446,7 +447,7 @@ class Search:
         goal, held, depths, step, drawn, _ = self.asked
         vehicle, region, name = self.vehicle, self.region, self.law.name
         assert self.recipe.candidates is not None
-        rates = drive_rates(with_supply(vehicle, self.setting.limit), depths)
+        rates = drive_rates(at_voltage(vehicle, self.setting.limit), depths)
         members = [Member(p, {}, d) for p, d in zip(region.plants, region.drives, strict=True)]
         medium = medium_of(vehicle, drawn.column, reach=max(depths))
         kept: list[tuple[float, Any]] = []

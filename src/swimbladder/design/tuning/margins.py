@@ -133,12 +133,10 @@ def rest_of(vehicle: Vehicle, bound: BoundLaw, rates: DriveRates, medium: Medium
     p = max(plants, key=lambda p: p.psi)
     tolerance = float(leaves(parameters)[bound.law.band])
     sigma = math.sqrt(p.a_b * abs(p.psi))
-    hull = vehicle.hull.model_copy(update={"psi": p.psi})
     band = 0.0
     if isinstance(parameters, RateParameters):
         smallest = max(parameters.volume_step, shortest)
-        softest = vehicle.model_copy(update={"hull": hull})
-        band = least_band(softest, p.psi, parameters, smallest)
+        band = least_band(vehicle.but("hull", psi=p.psi), p.psi, parameters, smallest)
     growth_time = period = halves = math.inf
     if p.psi > 0.0:
         growth_time = 1.0 / sigma

@@ -194,9 +194,8 @@ def limiting(
         supply = _SUPPLY.format(drawn.supply)
         outcomes.append((left(vehicle, drawn._replace(supply=math.inf)), supply))
     if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
-        quiet = sensors.model_copy(update={"depth_noise": 0.0, "depth_quantum": 0.0})
         noise = 1e3 * math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
-        silent = vehicle.model_copy(update={"sensors": quiet})
+        silent = vehicle.but("sensors", depth_noise=0.0, depth_quantum=0.0)
         outcomes.append((left(silent, drawn), _NOISE.format(noise)))
     if drawn.column is not None:
         outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))

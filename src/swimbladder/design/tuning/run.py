@@ -14,7 +14,7 @@ from swimbladder.control.law import Law, leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import stall
-from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall, with_supply
+from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.promise import broken, least_of, limiting, promise_of
 from swimbladder.design.tuning.region import Region, region
@@ -24,7 +24,7 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
 from swimbladder.physics.arrays import Array
-from swimbladder.physics.buoyancy_engine import known_winding
+from swimbladder.physics.buoyancy_engine import at_voltage, known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast_unit import check_cast_unit
@@ -454,8 +454,7 @@ def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
     """Return the vehicle with a sensor as noisy as its logs were, and in words how noisy it is."""
     sensors, known = vehicle.sensors, vehicle.identified
     if sensors.depth_noise == 0.0 and known is not None and known.depth_noise > 0.0:
-        noisy = sensors.model_copy(update={"depth_noise": known.depth_noise})
-        vehicle = vehicle.model_copy(update={"sensors": noisy})
+        vehicle = vehicle.but("sensors", depth_noise=known.depth_noise)
         return vehicle, f"depth noise of {1e3 * known.depth_noise:.2g} mm, as in the logs"
     if sensors.depth_noise == 0.0 and sensors.depth_quantum == 0.0:
         return vehicle, "a depth sensor without noise: say what yours has (`depth_noise=`)"
@@ -504,7 +503,7 @@ def _check_reach(
                 f"{1e6 * stroke.highest:g} cm3: no law holds all of these vehicles there. {cure}"
             )
     if vehicle.command == "volume change":
-        pump = pump_stall(with_supply(vehicle, supply), depth=deepest)
+        pump = pump_stall(at_voltage(vehicle, supply), depth=deepest)
         if pump.holding_depth <= deepest:
             at = f"with {supply:.3g} V " if math.isfinite(supply) else ""
             raise NoAnswerError(

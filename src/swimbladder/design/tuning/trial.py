@@ -18,11 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from swimbladder.control.law import leaves
-from swimbladder.design.linear.pump_valve import with_supply
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.buoyancy_engine import Winding, drive_map, winding
+from swimbladder.physics.buoyancy_engine import Winding, at_voltage, drive_map, winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.electric import electrical_power, largest_voltage, winding_current
 from swimbladder.physics.seawater import Column
@@ -168,8 +167,7 @@ def fly(
     if math.isnan(sample_time):
         sample_time = tick if supervised else _tick(parameters)
         if given.get("cast") is None:
-            plain = vehicle.hull.model_copy(update={"parts": (), "trapped_air": 0.0})
-            vehicle = vehicle.model_copy(update={"hull": plain})
+            vehicle = vehicle.but("hull", parts=(), trapped_air=0.0)
     held = [] if before is None else [(0.0, given["start_depth"])]
     data = simulate_ensemble(
         vehicle,
@@ -243,7 +241,7 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
                 region.random_walk, duration, drawn, sample_time=h
             )
     else:
-        given["flashed"], vehicle = vehicle, with_supply(vehicle, supply)
+        given["flashed"], vehicle = vehicle, at_voltage(vehicle, supply)
         down = np.arange(runs) % 2 == 0
         given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
         given["start_volume"] = np.where(down, *neutral)
