@@ -195,7 +195,7 @@ class Estimate:
 
 
 _CLAIMED = 1e-4  # of a value: no log knows it better where a model error makes the residual
-_MODEL_ERROR = 5.0  # times the sensor's noise, such a residual
+MODEL_ERROR = 5.0  # times the sensor's noise, such a residual
 
 
 def claims_too_much(std: float, size: float, misfit: float) -> bool:
@@ -203,7 +203,7 @@ def claims_too_much(std: float, size: float, misfit: float) -> bool:
 
     size: of the quantity; misfit: the residual over the sensor's noise.
     """
-    return misfit > _MODEL_ERROR and std < _CLAIMED * size
+    return misfit > MODEL_ERROR and std < _CLAIMED * size
 
 
 def undetermined(

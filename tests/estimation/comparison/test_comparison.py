@@ -565,3 +565,18 @@ def test_what_no_hull_can_have_is_no_answer(float_vehicle, voyage, spoil, said):
     assert not found.possible
     assert any(said in f.sentence for f in found.findings)
     assert compare(voyage, float_vehicle, free=names).possible
+
+
+def test_a_fit_that_is_worse_than_a_depth_that_stays_is_no_answer(float_vehicle):
+    """Depths that are not the volume's; and a vehicle that hangs still, but for its sensor."""
+    time, rng = np.arange(0.0, 150.0, 0.5), np.random.default_rng(1)
+    neutral = float_vehicle.neutral_volume(3.0)
+    steps = np.where(time // 25 % 2 == 0, -1.5e-6, 1.5e-6)
+    for depth, volume, possible in (
+        (3.0 + 0.03 * np.sin(time / 5.0), neutral + steps, False),
+        (3.0 + 5e-3 * rng.normal(size=len(time)), np.full(len(time), neutral), True),
+    ):
+        found = compare(made_log(time, depth, volume=volume, volume_absolute=True), float_vehicle)
+        assert found.variance_explained < 0.5
+        assert any("less than half" in f.sentence for f in found.findings)
+        assert found.possible == possible

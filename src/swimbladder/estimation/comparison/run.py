@@ -22,6 +22,7 @@ from swimbladder.estimation.comparison.misread import Drive, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record
 from swimbladder.estimation.estimates import (
     DRIFT_STD,
+    MODEL_ERROR,
     Estimate,
     Finding,
     bounded_fit,
@@ -635,7 +636,8 @@ def compare(
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
     elif explained < _HALF:
-        lost = bool(names) and explained < _LOST
+        noise = max(white_noise(rec.time, rec.depth), _FINEST)
+        lost = bool(names) and explained < _LOST and rms(off) > MODEL_ERROR * noise
         findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
