@@ -259,7 +259,7 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     def limit(vehicle, drawn, promise):
         flown = vehicle, bound, found.step, drawn
         whole = trial_of(*flown, ballast=promise.ballast)
-        return limiting(*flown, promise, whole)
+        return limiting(vehicle, [bound], found.step, drawn, promise, whole)
 
     assert "the supply at 4 V" in limit(FEUP, weak, promise)
     loud = FEUP.with_sensors(depth_noise=40e-3)

@@ -30,7 +30,14 @@ from swimbladder.design.linear.margins import Margins
 from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import margins
-from swimbladder.design.tuning.promise import OVERSHOOT, SETTLED, limiting_margins, trial_of
+from swimbladder.design.tuning.promise import (
+    OVERSHOOT,
+    SETTLED,
+    Promise,
+    broken,
+    limiting_margins,
+    trial_of,
+)
 from swimbladder.design.tuning.region import Member, Region, neutral_random_walk
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, traces
 from swimbladder.errors import InputError, NoAnswerError
@@ -48,6 +55,7 @@ HELD = {"quiet": 9.5e-3, "energy": 5e-2}
 
 _DEAD = (1.0, 2.0, 4.0, 6.0, 9.0)  # of what the noise makes of the volume asked for
 _SPARE = 1.25  # of the voltage that the load of the sea takes where it is deepest
+_OFF = 3.0  # times as long, that it may take to settle with its ballast off
 _MOVED = 0.45e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts and turns count
 
 
@@ -56,8 +64,13 @@ def goals_of(recipe: Recipe) -> tuple[str, ...]:
     return GOALS[1:] if recipe.fast is None and recipe.candidates is None else GOALS
 
 
-def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[TuningParameters]:
-    """Yield the tuning parameters on the grid; held [m]: rms that a depth is to be held to."""
+def grid(
+    recipe: Recipe, goal: str, setting: Setting, held: float, slower: float = 1.0
+) -> Iterator[TuningParameters]:
+    """Yield the tuning parameters on the grid, their frequencies times `slower`.
+
+    held [m]: rms that a depth is to be held to.
+    """
     h = setting.sample_time
     if recipe.sleeps:
         away = e_folding_time(setting.plant, asleep=True)
@@ -69,7 +82,7 @@ def grid(recipe: Recipe, goal: str, setting: Setting, held: float) -> Iterator[T
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
-        first = TuningParameters(frequency=share * rate, damping=damping, inner=rate)
+        first = TuningParameters(frequency=slower * share * rate, damping=damping, inner=rate)
         yield first._replace(sharpness=sharpness, learning=learning)
 
 
@@ -81,14 +94,23 @@ def preference(goal: str, tuning: TuningParameters) -> float:
 
 
 def options(
-    recipe: Recipe, goal: str, tuning: TuningParameters, s: Setting, *, held: float, deepest: float
+    recipe: Recipe,
+    goal: str,
+    tuning: TuningParameters,
+    s: Setting,
+    *,
+    held: float,
+    deepest: float,
+    slower: float = 1.0,
 ) -> Iterator[TuningParameters]:
     """Yield what is left to choose: how much of the motor a path takes, and when it rests.
 
-    held [m]: rms that a depth is to be held to; deepest [m]: where the motor still has to move.
+    held [m]: rms that a depth is to be held to; deepest [m]: where the motor still has to move;
+    slower: as `grid` has it, where a path may leave the noise more of the motor.
     """
     if goal == "fast":
-        for share in recipe.shares or (tuning.share,):
+        more = (_EASY,) if recipe.shares and slower < 1.0 else ()
+        for share in (*(recipe.shares or (tuning.share,)), *more):
             yield tuning._replace(share=share)
         return
     rests = [tuning]
@@ -115,7 +137,7 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
         settle = t.settle_95 if math.isfinite(t.settle_95) else 1e9
         # Of those that settle as soon, to a twentieth, the one that moves less.
         unkept = t.overshoot_95 > OVERSHOOT, t.settled < SETTLED, math.isnan(t.ballast)
-        return (*unkept, round(20.0 * math.log(settle)), t.rate)
+        return (*unkept, t.ballast > _OFF * settle, round(20.0 * math.log(settle)), t.rate)
     off = max(t.rms / held, 1.0)
     if goal == "energy":
         return (off, t.energy)
@@ -227,6 +249,9 @@ def gains(name: str, setting: Setting, tuning: Any) -> Any:
 _TRIED = {"fast": 6, "quiet": 8, "energy": 5}
 _TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its own
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
+_EASY = 0.6  # of the motor's speed that a path takes where the fastest gains do not settle
+_COMPARED = 0.85  # of the work: margins and trials of candidates
+_SLOWEST = 0.1  # of the frequencies of a grid for fast, that is tried
 _FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
 _FITTED = 3  # times, each with as many runs as are reported
 _SLACK = 0.97  # of the margins: the linear form is that of differences
@@ -260,7 +285,7 @@ class Goal(NamedTuple):
     depths: tuple[float, ...]  # m, where margins are checked
     step: Step
     drawn: Drawn
-    ballast: float = 0.0  # m3, by which it is off where a fast law has to settle all the same
+    promise: Promise  # what gains have to keep
 
 
 @dataclass
@@ -275,6 +300,7 @@ class Search:
     report: Advance
     near: tuple[tuple[bool, bool, float], tuple[str, ...]] | None = None
     kept: list[tuple[float, Any]] = field(default_factory=list)  # what the nominal one has
+    fastest: Any = None  # best tuning parameters of the fastest that were tried, of loops
 
     def found(self) -> Found:
         """Return the best tuning parameters found.
@@ -304,7 +330,7 @@ class Search:
     def tried(self, tuning: Any, drawn: Drawn) -> tuple[tuple[float, ...], Any, Trial]:
         """Return what is to be small of a tuning, the tuning, and its trial."""
         flown = self.vehicle, self.bound(tuning), self.asked.step
-        found = trial_of(*flown, drawn, ballast=self.asked.ballast)
+        found = trial_of(*flown, drawn, ballast=self.asked.promise.ballast)
         rank = score if self.law.ways is None else float_score
         return rank(self.asked.name, found, self.asked.held), tuning, found
 
@@ -331,18 +357,22 @@ class Search:
             self.near = (rank, short)
         return None
 
-    def candidates(self, most: int) -> list[TuningParameters]:
-        """Return the first tuning parameters that have the margins, by what the goal prefers."""
+    def candidates(self, most: int, slower: float, part: float) -> list[TuningParameters]:
+        """Return the first tuning parameters that have the margins, by what the goal prefers.
+
+        slower: as `grid` has it; part: of all the work.
+        """
         goal, wanted = self.asked.name, _tightened(margins.WANTED)
-        every = list(grid(self.recipe, goal, self.setting, self.asked.held))
+        every = list(grid(self.recipe, goal, self.setting, self.asked.held, slower))
         if not self.recipe.linear:
             return every
-        kept = self.kept = []
+        kept: list[tuple[float, Any]] = []
         for tuning in every:
-            self.report(0.3 / len(every))
+            self.report(0.3 * part / len(every))
             if self.over(tuning, wanted, margins.roughly, nominal=True) is not None:
                 kept.append((preference(goal, tuning), tuning))
         kept.sort(key=lambda pair: pair[0])
+        self.kept += kept
         found: list[TuningParameters] = []
         learnt: Counter[float] = Counter()  # how fast it learns only a trial off its ballast shows
         each = math.ceil(most / len({one.learning for _, one in kept} or {0.0}))
@@ -354,22 +384,28 @@ class Search:
             if self.over(tuning, wanted, margins.roughly, nominal=False) is not None:
                 found.append(tuning)
                 learnt[tuning.learning] += 1
-                self.report(0.1 / most)
+                self.report(0.1 * part / most)
         return found
 
     def _of_loops(self) -> Found:
         """Return the best of a law that is called at each sample: by margins, then trials."""
-        goal, held, depths, step, drawn, _ = self.asked
+        goal, held, _, step, drawn, promise = self.asked
         recipe, name = self.recipe, self.law.name
-        most = _TRIED_RESTING if recipe.holds and goal != "fast" else _TRIED[goal]
-        every: list[TuningParameters] = []
-        for tuning in self.candidates(most):
-            every += options(recipe, goal, tuning, self.setting, held=held, deepest=max(depths))
-        scored = []
-        for tuning in every:
-            scored.append(self.tried(tuning, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
-            self.report(0.45 / len(every))
-        scored.sort(key=lambda one: one[0])
+        scored: list[tuple[tuple[float, ...], Any, Trial]] = []
+        slower, left = 1.0, 1.0  # of the work
+        while slower >= _SLOWEST:
+            # Where the noise saturates a slow motor with the fastest that have the margins, slower
+            # ones settle sooner.
+            part = 0.5 * left if goal == "fast" else left
+            more = self._compared(slower, part)
+            left -= _COMPARED * part
+            worse = scored and more and more[0][0] >= scored[0][0]
+            if more and self.fastest is None:
+                self.fastest = more[0][1]
+            scored = sorted([*scored, *more], key=lambda one: one[0])
+            if goal != "fast" or worse or (scored and not any(broken(promise, scored[0][2]))):
+                break
+            slower *= 0.5
         if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
             final = []
             for _, tuning, over in scored[:_FINAL]:
@@ -400,8 +436,8 @@ class Search:
             m = None
             if recipe.linear:
                 m = self.over(tuning, margins.WANTED, margins.exactly, nominal=False)
-            self.report(0.15 / len(scored))
             if m is not None or not recipe.linear:
+                self.report(left)
                 if over.runs != drawn.runs:
                     over = self.tried(tuning, drawn)[2]
                 return self._chosen(tuning, m, over, math.nan)
@@ -414,6 +450,20 @@ class Search:
             f"no gains of the law {name!r} have the margins over the region at a sample time of "
             f"{self.setting.sample_time:g} s: {nearest}. {limiting_margins(self.region, self.held)}"
         )
+
+    def _compared(self, slower: float, part: float) -> list[tuple[tuple[float, ...], Any, Trial]]:
+        """Return trials of candidates with their options, the best first; arguments as there."""
+        goal, held, depths, _, drawn, _ = self.asked
+        most = _TRIED_RESTING if self.recipe.holds and goal != "fast" else _TRIED[goal]
+        every: list[TuningParameters] = []
+        for one in self.candidates(most, slower, part):
+            rest = {"held": held, "deepest": max(depths), "slower": slower}
+            every += options(self.recipe, goal, one, self.setting, **rest)
+        scored = []
+        for tuning in every:
+            scored.append(self.tried(tuning, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
+            self.report(0.45 * part / len(every))
+        return sorted(scored, key=lambda one: one[0])
 
     def held(self, region: Region) -> bool:
         """Say whether some tuning with margins for the nominal vehicle has them over a region."""

@@ -5,7 +5,7 @@ could take; a quiet one holds the error allowed; whatever the goal, nearly all v
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 from swimbladder.design.linear.sampled import BoundLaw
@@ -175,15 +175,21 @@ def _off(promise: Promise, found: Trial) -> float:
 
 
 def limiting(
-    vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn, promise: Promise, found: Trial
+    vehicle: Vehicle,
+    laws: Sequence[BoundLaw],
+    step: Step,
+    drawn: Drawn,
+    promise: Promise,
+    found: Trial,
 ) -> str:
     """Return what limits gains that do not keep a promise, and what would help, as a sentence.
 
-    found: their trial. Every cause is taken away in turn: what leaves least is what limits.
+    laws: with these gains, and with others that a better sensor might allow; found: the trial of
+    the first. Every cause is taken away in turn: what leaves least is what limits.
     """
 
-    def left(vehicle: Vehicle, drawn: Drawn) -> float:
-        return _off(promise, trial_of(vehicle, bound, step, drawn, ballast=promise.ballast))
+    def left(vehicle: Vehicle, drawn: Drawn, law: BoundLaw = laws[0]) -> float:
+        return _off(promise, trial_of(vehicle, law, step, drawn, ballast=promise.ballast))
 
     whole, sensors = _off(promise, found), vehicle.sensors
     outcomes = []
@@ -196,7 +202,8 @@ def limiting(
     if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
         noise = 1e3 * math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
         silent = vehicle.but("sensors", depth_noise=0.0, depth_quantum=0.0)
-        outcomes.append((left(silent, drawn), _NOISE.format(noise)))
+        least = min(left(silent, drawn, law) for law in dict.fromkeys(laws))
+        outcomes.append((least, _NOISE.format(noise)))
     if drawn.column is not None:
         outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))
     least, words = min(outcomes, default=(whole, ""), key=lambda one: one[0])

@@ -307,13 +307,14 @@ class _Request:
         promise = promise_of(
             vehicle, goal, least=self.least_time, held=held, supervised=self.supervised
         )
-        asked = gains.Goal(goal, held, judged, watched, drawn, promise.ballast)
+        asked = gains.Goal(goal, held, judged, watched, drawn, promise)
         search = gains.Search(chosen, vehicle, setting, asked, self.delay, advance)
         found = search.found()
         bound = search.bound(found.tuning)
         few = drawn.nominal._replace(runs=_SHOWN[0]), drawn._replace(runs=_SHOWN[1])
         nominal, drawn_runs = (trial.traces(vehicle, bound, watched, some) for some in few)
         unmet = tuple(words for words, _ in broken(promise, found.region))
+        laws = (bound, *([] if search.fastest is None else [search.bound(search.fastest)]))
         waves = math.nan
         if self.supervised and not pumped:
             depth = min(max(_IN_WAVES, depths[0]), depths[1])
@@ -339,7 +340,7 @@ class _Request:
             ballast=promise.ballast,
             waves=waves,
             unmet=unmet,
-            limit=limiting(vehicle, bound, watched, drawn, promise, found.region) if unmet else "",
+            limit=limiting(vehicle, laws, watched, drawn, promise, found.region) if unmet else "",
         )
 
     @property
