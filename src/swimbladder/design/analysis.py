@@ -20,7 +20,7 @@ from swimbladder.design.linear.transfer import (
     routh_table,
     transfer_functions,
 )
-from swimbladder.errors import InputError, check_number
+from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
@@ -430,22 +430,12 @@ def analyse(
         negative.
     """
     check_number(depth, "depth", "m", least=0.0, remedy=DOWN)
-    controller = vehicle.controller
-    if law is None and controller is not None:
+    if law is None and vehicle.controller is not None:
         law, bound = own_law(vehicle, sampled=False)
         parameters = bound if parameters is None else parameters
-    if sample_time is None and controller is not None:
-        sample_time = controller.sample_time
     if law is None:
         return _analysed(vehicle, depth)
-    if sample_time is None:
-        raise InputError(
-            "the law has no sample time, and the vehicle has no controller to take it from",
-            field="sample_time",
-            unit="s",
-            remedy="Give sample_time",
-        )
-    check_number(sample_time, "sample_time", "s", above=0.0)
+    sample_time = vehicle.sampled_every(sample_time)
     check_command(law, vehicle)
     if law.command == "volume change":
         note = (

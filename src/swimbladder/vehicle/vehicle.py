@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.vehicle.actuators import (
     Actuator,
     AnyActuator,
@@ -504,6 +504,20 @@ class Vehicle(Parameters):
         """Return the vehicle with other numbers of its sensors; raises InputError for bad ones."""
         sensors = Sensors(**{**self.sensors.model_dump(), **given})
         return self.model_copy(update={"sensors": sensors})
+
+    def sampled_every(self, given: float | None) -> float:
+        """Return a sample time [s], that of the controller where none is given.
+
+        Raises InputError where there is neither, or it is no time.
+        """
+        if given is None and self.controller is not None:
+            return self.controller.sample_time
+        if given is None:
+            what = "no sample time is given, and the vehicle has no controller to take it from"
+            remedy = 'Give one, like "0.3 s"'
+            raise InputError(what, field="sample_time", unit="s", remedy=remedy)
+        check_number(given, "sample_time", "s", above=0.0)
+        return given
 
     def but(self, part: str, **values: Any) -> Vehicle:
         """Return the vehicle with other values in a part, not checked: ``but("hull", psi=0.0)``."""

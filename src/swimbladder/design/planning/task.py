@@ -148,15 +148,9 @@ def task_of(
     Raises InputError for what cannot be meant; NoAnswerError where stroke or supply do not hold
     the vehicle at one of the two depths.
     """
-    if sample_time is None:
-        if vehicle.controller is None:
-            what = "the vehicle has no controller, so a plan needs a sample time"
-            remedy = 'Give one, like "0.3 s"'
-            raise InputError(what, field="sample_time", unit="s", remedy=remedy)
-        sample_time = vehicle.controller.sample_time
+    sample_time = vehicle.sampled_every(sample_time)
     if vehicle.controller is not None:
         own_law(vehicle)
-    check_number(sample_time, "sample_time", "s", above=0.0)
     if max_speed is not None:
         check_number(max_speed, "max_speed", "m/s", above=0.0)
     for name, share, fits, least in (

@@ -202,7 +202,7 @@ def tune(
         raise InputError(what, field="delay", value=delay, remedy=remedy)
     if runs < 20:
         raise InputError("too few runs", field="runs", value=runs, remedy="Give 20")
-    h = _sample_time(vehicle, sample_time)
+    h = vehicle.sampled_every(sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"
     weak, around = _least_supply(noisy, supply), region(noisy)
@@ -463,16 +463,6 @@ def _with_noise(vehicle: Vehicle) -> tuple[Vehicle, str]:
     if sensors.depth_quantum > 0.0:
         words += f" and a quantum of {1e3 * sensors.depth_quantum:.2g} mm"
     return vehicle, words
-
-
-def _sample_time(vehicle: Vehicle, given: float | None) -> float:
-    if given is None and vehicle.controller is not None:
-        return vehicle.controller.sample_time
-    if given is None or not 0.0 < given < math.inf:
-        what = "the sample time must be a finite time above 0"
-        remedy = 'Give it, like `sample_time="0.3 s"`'
-        raise InputError(what, field="sample_time", value=given, unit="s", remedy=remedy)
-    return given
 
 
 def _check_reach(
