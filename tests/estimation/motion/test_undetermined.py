@@ -114,3 +114,16 @@ def test_two_logs_of_rates_tenfold_apart_do_not_give_a_rate():
     assert math.isnan(rate.value)
     assert "rate" in found.refusal
     assert set(found.covariance) <= set(PARAMETERS) - {"rate"}
+
+
+def test_a_psi_that_takes_a_halocline_needs_the_water():
+    """The vehicle gains 30 cm3 a metre down: more than a kg/m3 a metre."""
+    volume = 40e-6 * np.sign(np.sin(TIME / 9.0))
+    steep = {**FEUP, "psi": -3e-5}
+    deep = log(volume, z0=3.0, V0=-3.0 * steep["psi"], noise=2e-3, **steep)
+    quick = {"process_noise": "never", "choices": False, "profiles": False}
+    found = identify([deep], VEHICLE, neutral_std=math.inf, **quick)
+    assert [f.kind for f in found.findings if f.severity == "no"] == ["stratified"]
+    assert "kg/m3 denser a metre down" in " ".join(f.sentence for f in found.findings)
+    known = identify([deep], VEHICLE, neutral_std=math.inf, priors={"psi": (-3e-5, 1e-5)}, **quick)
+    assert known.identified

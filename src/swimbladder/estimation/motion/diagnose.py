@@ -376,6 +376,8 @@ def _remedy(names: list[str], problem: Problem) -> str:
 
 _SURE = 3.0  # standard deviations
 _BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
+_GRAVITY = 9.80665  # m/s2
+_STEEPEST = 0.5  # kg/m3 that water is denser a metre down, where no cast says so
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
 _UNSEEN = 0.999  # of the prior's variance, above which a log says nothing of its drift
@@ -554,9 +556,16 @@ def possible(
     parameters: Mapping[str, Estimate],
     dry_mass: float | None,
 ) -> Iterator[Finding]:
-    """Yield where no hull has such a mass: for sure a no, by the value alone a warning."""
-    m = derived.get("mass") or parameters["mass"]
-    return impossible_mass(m, problem.model.specific_weight * problem.model.displaced, dry_mass)
+    """Yield where no hull has such a mass, for sure or by the value, or no water such a psi."""
+    m, model = derived.get("mass") or parameters["mass"], problem.model
+    yield from impossible_mass(m, model.specific_weight * model.displaced, dry_mass)
+    asked = "psi" in problem.names and "psi" not in problem.priors
+    if asked and not any(len(e.record.layers.table) for e in problem.experiments):
+        per = -model.specific_weight / _GRAVITY / model.displaced  # kg/m4 over m3/m
+        psi = parameters["psi"]
+        if per * psi.ci95[1] > _STEEPEST:
+            gradient = per * psi.value
+            yield Finding.of("motion", "stratified", psi=psi.value, gradient=gradient)
 
 
 def sinks_as_it_grows(problem: Problem) -> Iterator[Finding]:
