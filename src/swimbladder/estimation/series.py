@@ -15,6 +15,10 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+_COME_BACK = 2  # times that each level of a coarse recorder is met, at least
+_LEVELS, _SURELY = 4, 20  # levels that are enough, or so many changes between fewer
+_OFF_GRID = 0.05  # of a step
+
 
 def rms(values: Array) -> float:
     """Return the root mean square."""
@@ -47,6 +51,26 @@ def stretches(mask: Mask) -> list[tuple[int, int]]:
     """Return (first, after) of the stretches where the mask holds."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int))).tolist()
     return list(zip(turns[::2], turns[1::2], strict=True))
+
+
+def quantum(values: Array) -> float:
+    """Return the step in which values are recorded, 0 where they are on no grid or on a fine one.
+
+    Levels that are mostly one step apart and come back are a recorder's; those of a ramp that is
+    passed once are samples of it.
+    """
+    whole = float(np.ptp(values)) if len(values) else 0.0
+    gaps = np.diff(np.unique(values))
+    gaps = gaps[gaps > 1e-6 * whole]
+    runs = int(np.count_nonzero(np.abs(np.diff(values)) > 1e-6 * whole)) + 1
+    levels = len(gaps) + 1
+    if levels < 2 or runs < _COME_BACK * levels or (levels < _LEVELS and runs < _SURELY):
+        return 0.0
+    counts = np.round(gaps / np.median(gaps))
+    if np.median(np.abs(counts - 1.0)) > 0.0 or (counts < 1.0).any():
+        return 0.0
+    step = float(gaps.sum() / counts.sum())
+    return step if np.abs(gaps - counts * step).max() < _OFF_GRID * step else 0.0
 
 
 @compiled

@@ -153,6 +153,32 @@ def test_correlated_noise_of_the_depth_is_part_of_the_density():
     np.testing.assert_allclose(D @ found.covariance[-1] @ D, left, rtol=1e-6, atol=1e-11)
 
 
+def test_the_error_of_a_volume_is_part_of_the_density():
+    samples, _ = made(n=15, seed=8)
+    noise = NOISE._replace(correlated=7e-3, correlation_time=2.5)
+    begins, std, white = [0, 4, 9], 2e-6, 1e-12  # m3, m6 s
+    volume_error = np.full((2, 15), -1.0)
+    volume_error[0, begins], volume_error[1] = std**2, white
+    # The white part is as good as more acceleration.
+    shaken = noise._replace(acceleration=math.hypot(noise.acceleration, PLANT.a_b * white**0.5))
+    found = filtered(samples._replace(volume_error=volume_error), noise=noise).log_likelihood
+    mean, C = whole(samples, noise=shaken)
+    apart = np.abs(np.subtract.outer(samples.time, samples.time))
+    C = C[::3, ::3] + 7e-3**2 * np.exp(-apart / 2.5) + NOISE.depth**2 * np.eye(15)
+    for first, last in ((0, 4), (4, 9), (9, 14)):
+        moved, x = np.zeros(15), np.zeros(3)
+        for k in range(1, 15):
+            F = system(PLANT, samples.time[k] - samples.time[k - 1], NOISE)[0]
+            # The record counts from its first volume, which is known to be neutral.
+            own = 0.0 if first == 0 and k <= 4 else -1.0 if first == 0 else float(first < k <= last)
+            x[2] = own * 1e6 * std
+            x = F @ x
+            moved[k] = x[0]
+        C = C + np.outer(moved, moved)
+    density = multivariate_normal(mean[:, 0], C)
+    assert found == pytest.approx(density.logpdf(samples.depth), rel=1e-9)
+
+
 def test_correlated_noise_does_not_outlast_a_state_that_was_wrong():
     samples, _ = made(n=30, seed=7)
     jumped = samples._replace(depth=samples.depth + np.where(np.arange(30) >= 15, 5.0, 0.0))

@@ -18,7 +18,7 @@ from swimbladder.estimation.comparison.drive_outliers import LONGEST, drive_outl
 from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
-from swimbladder.estimation.series import Array, Mask, followed, stretches
+from swimbladder.estimation.series import Array, Mask, followed, quantum, stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
@@ -110,6 +110,7 @@ class Record:
     speed: Array | None = None  # m/s
     volume: Array | None = None  # m3
     volume_absolute: bool = False
+    quantum: float = 0.0  # m3, of the volume as logged; 0: none that is seen
     voltage: Array | None = None  # V
     warmth: Array | None = None  # K, as logged, above the first sample's; None: not logged
     gain: float = 0.0  # m3/K of the hull's, which is in the volume
@@ -171,8 +172,10 @@ def record(
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
+    step = 0.0
     if chosen == "volume":
-        log = _mended(log, vehicle, notes)
+        step = quantum(series[np.isfinite(series)])
+        log = _mended(log, vehicle, step, notes)
         series = _driving(log, vehicle, chosen)
     layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
@@ -237,6 +240,7 @@ def record(
         speed=log.speed,
         volume=volume,
         volume_absolute=absolute,
+        quantum=step * _per(log, vehicle),
         voltage=log.voltage,
         warmth=_warmth(log),
         setpoints=() if reference is None else _changes(time, reference),
@@ -251,20 +255,26 @@ def record(
     return warmed(found, heat_expansion(vehicle), vehicle.hull.thermal_time_constant)
 
 
-def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
+def _per(log: Log, vehicle: Vehicle) -> float:
+    """Return what volume [m3] a unit of the logged volume or piston is."""
+    return 1.0 if log.volume is not None else vehicle.piston_area or 1.0
+
+
+def _mended(log: Log, vehicle: Vehicle, step: float, notes: list[str]) -> Log:
     """Return the log with a volume, or piston, where some of it cannot be or short holes are.
+
+    step: in which it is logged.
 
     Raises LogError where that are too many.
     """
     name = "piston" if log.volume is None else "volume"
     values: Array = getattr(log, name)
     known = np.isfinite(values)
-    p, stroke, area = plant(vehicle), vehicle.stroke, vehicle.piston_area
-    area = 1.0 if name == "volume" or area is None else area
+    p, stroke, area = plant(vehicle), vehicle.stroke, _per(log, vehicle)
     rate, whole = p.rate if p.positioner else p.gain * p.supply, stroke.maximum - stroke.minimum
     off, hole = np.zeros(len(log), dtype=bool), np.zeros(len(log), dtype=bool)
     given = log.time[known], area * values[known], log.gaps
-    off[known] = drive_outliers(*given, rate=rate, stroke=whole)
+    off[known] = drive_outliers(*given, rate=rate, stroke=whole, quantum=area * step)
     for first, after in stretches(~known):
         hole[first:after] = first > 0 and after < len(log) and after - first <= LONGEST
     beyond = f"a {name} that the actuator cannot reach from the samples beside"

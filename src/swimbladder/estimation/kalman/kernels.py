@@ -7,6 +7,10 @@ volume at depth 0 is a random walk. V(t) is linear over a step. White accelerati
 what the model leaves out. Where the water is layered, what its layers add at z, known from a cast,
 goes beside psi z: mean and slopes take it as it is, not as a line.
 
+A recorded volume may be off: by a constant for as long as one value stands in the log, as a
+coarse sensor's is, and by white noise of each span, as the way between two samples is not known.
+The first goes through a neutral volume that is that much off until the next value.
+
 Under laminar drag, without layers, clear of surface and bottom, the step is exact: with G the
 velocity's impulse response, G'' = a_b psi G - d_l G', everything is made of G', G and its first two
 integrals. Else Runge-Kutta's fourth-order scheme carries the motion with its variational equations.
@@ -52,14 +56,22 @@ _x, _c = np.polynomial.legendre.leggauss(5)
 _POINTS, _WEIGHTS = tuple((0.5 * (_x + 1.0)).tolist()), tuple((0.5 * _c).tolist())
 
 
+EXACT = np.zeros((2, 0))
+
+
 class Samples(NamedTuple):
-    """A log's arrays of one length n, and the layers of the water that it was made in."""
+    """A log's arrays of one length n, and the layers of the water that it was made in.
+
+    volume_error [2, n]: variance of the one that begins at a sample [m6], -1 where the one before
+    goes on; and the density of white noise over the span up to the sample [m6 s].
+    """
 
     time: Array  # s, growing
     volume: Array  # m3, linear between samples
     depth: Array  # m; nan: not measured
     use: NDArray[np.int8]  # 1: counts; 0: in contact, with the contact's noise; -1: not looked at
     layers: Layers = NO_LAYERS
+    volume_error: Array = EXACT
 
 
 class Filtered(NamedTuple):
@@ -393,33 +405,69 @@ def _update(x: Array, P: Array, error: float, R: float, S: float) -> None:
     _propagate(P, F, Q)
 
 
+# Rows of `besides`, what is known beside the state: its mean, its variance, its covariances with
+# the state [3], and that of both.
+_LASTS, _ERROR = 0, 1
+
+
 @allocating
-def _fade(F: Array, lasts: Array, h: float, noise: Array) -> None:
-    """Advance over h [s] what is known of the depth's correlated noise, see `_take_correlated`."""
+def _begin(besides: Array, noise: Array) -> None:
+    """Begin with what is known before any sample: the depth's correlated noise, no volume error."""
+    besides[:] = 0.0
+    besides[_LASTS, 1] = noise[5]
+
+
+@allocating
+def _fade(F: Array, besides: Array, h: float, noise: Array) -> None:
+    """Advance over h [s] what is known beside the state: the depth's correlated noise fades."""
     kept = math.exp(-h * noise[6])
-    a, b, c = lasts[2], lasts[3], lasts[4]
-    for i in range(3):
-        lasts[2 + i] = kept * (F[i, 0] * a + F[i, 1] * b + F[i, 2] * c)
+    for row in range(2):
+        one = besides[row]
+        a, b, c = one[2], one[3], one[4]
+        share = kept if row == _LASTS else 1.0
+        for i in range(3):
+            one[2 + i] = share * (F[i, 0] * a + F[i, 1] * b + F[i, 2] * c)
+    lasts = besides[_LASTS]
     lasts[0] *= kept
     lasts[1] = kept * kept * lasts[1] + noise[5] * (1.0 - kept * kept)
+    lasts[5] *= kept
 
 
 @allocating
-def _take_correlated(x: Array, P: Array, lasts: Array, error: float, S: float) -> None:
-    """Take in a measured depth whose noise has a correlated part.
+def _renew(x: Array, P: Array, besides: Array, variance: float) -> None:
+    """Let the volume's error be another, of a variance [m6]; the neutral volume has it in it."""
+    error, lasts = besides[_ERROR], besides[_LASTS]
+    x[2] -= error[0]
+    P[2, 2] += error[1] - 2.0 * error[4] + variance
+    for i in range(2):
+        P[i, 2] -= error[2 + i]
+        P[2, i] = P[i, 2]
+    lasts[4] -= lasts[5]
+    lasts[5] = 0.0
+    error[:] = 0.0
+    error[1], error[4] = variance, variance
 
-    S [m2]: the innovation's variance. lasts [5]: that part's mean [m], its variance [m2], its
-    covariances with the state [3].
+
+@allocating
+def _take_besides(x: Array, P: Array, besides: Array, error: float, S: float) -> None:
+    """Take in a measured depth where something is known beside the state.
+
+    S [m2]: the innovation's variance.
     """
-    own = (lasts[1] + lasts[2]) / S
+    lasts, volume = besides[_LASTS], besides[_ERROR]
     k = (P[0, 0] + lasts[2]) / S, (P[1, 0] + lasts[3]) / S, (P[2, 0] + lasts[4]) / S
+    own, off = (lasts[1] + lasts[2]) / S, (lasts[5] + volume[2]) / S
     for i in range(3):
         x[i] += k[i] * error
         lasts[2 + i] -= k[i] * own * S
+        volume[2 + i] -= k[i] * off * S
         for j in range(3):
             P[i, j] -= k[i] * k[j] * S
     lasts[0] += own * error
     lasts[1] -= own * own * S
+    lasts[5] -= own * off * S
+    volume[0] += off * error
+    volume[1] -= off * off * S
 
 
 @compiled
@@ -433,17 +481,26 @@ def filter_kernel(
     [m2/s3], variance of the speed in contact [m2/s2], of the depth's correlated noise [m2], and the
     rate at which that fades [1/s].
     """
-    R, R_held, correlated = noise[0], noise[1], noise[5] > 0.0
-    m = Motion(p, samples.layers, noise[2], noise[3])
+    R, R_held, inexact = noise[0], noise[1], samples.volume_error.shape[1] > 0
+    m, beside = Motion(p, samples.layers, noise[2], noise[3]), noise[5] > 0.0 or inexact
     x, C = start.copy(), cov.copy()
-    lasts = np.zeros(5)
-    lasts[1] = noise[5]
+    besides = np.empty((2, 6))
+    lasts = besides[_LASTS]
+    _begin(besides, noise)
+    if inexact:  # what is known of the first neutral volume is against the volume as recorded
+        besides[_ERROR, 1] = samples.volume_error[0, 0]
     row, side = 0, 0.0
     for k in range(samples.time.shape[0]):
         if k:
+            if inexact:
+                m = Motion(
+                    p, m.layers, m.walk2, noise[3] + p[A_B] ** 2 * samples.volume_error[1, k]
+                )
             _predict(m, x, C, _span(samples.time, samples.volume, k), out.slopes[k], noise)
-            if correlated:
-                _fade(out.slopes[k], lasts, samples.time[k] - samples.time[k - 1], noise)
+            if beside:
+                _fade(out.slopes[k], besides, samples.time[k] - samples.time[k - 1], noise)
+            if inexact and samples.volume_error[0, k] >= 0.0:
+                _renew(x, C, besides, samples.volume_error[0, k])
         out.predicted[k], out.predicted_covariance[k] = x, C
         out.fate[k], out.contribution[k] = UNSEEN, 0.0
         out.innovation[k], out.variance[k] = np.nan, np.nan
@@ -472,10 +529,9 @@ def filter_kernel(
                 neutral = max(cov[2, 2], C[2, 2])
                 C[:, :] = 0.0
                 C[0, 0], C[1, 1], C[2, 2] = R + noise[5], cov[1, 1], neutral
-                lasts[:] = 0.0
-                lasts[1] = noise[5]
-            elif correlated:
-                _take_correlated(x, C, lasts, e, S)
+                _begin(besides, noise)
+            elif beside:
+                _take_besides(x, C, besides, e, S)
             else:
                 _update(x, C, e, S - known, S)
         out.mean[k], out.covariance[k] = x, C

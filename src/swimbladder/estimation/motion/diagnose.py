@@ -375,6 +375,7 @@ def _remedy(names: list[str], problem: Problem) -> str:
 
 
 _SURE = 3.0  # standard deviations
+_TOO_LATE = 4.0  # standard deviations of what was stated
 _BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
 _GRAVITY = 9.80665  # m/s2
 _STEEPEST = 0.5  # kg/m3 that water is denser a metre down, where no cast says so
@@ -510,11 +511,15 @@ def drifts(experiments: Sequence[ExperimentFit], said: str = "drift") -> Iterato
             yield Finding.of("motion", said, log=e.source, over=over, drift=e.drift.value)
 
 
-def late(delay: Estimate) -> Iterator[Finding]:
-    """Yield where the stamps of the volumes are clearly late, or early."""
+def late(delay: Estimate, known: float) -> Iterator[Finding]:
+    """Yield where stamps of volumes are clearly late, or early; far beyond what is known, a no.
+
+    known: 1 sigma [s]. What is so late has mostly gone through a filter, which is another shape.
+    """
     if abs(delay.value) > _SURE * delay.std:
         by, how = abs(delay.value), "later" if delay.value > 0.0 else "earlier"
-        yield Finding.of("motion", "late volumes", by=by, how=how, std=delay.std)
+        severity: Severity = "no" if by > _TOO_LATE * known else "note"
+        yield Finding.of("motion", "late volumes", severity, by=by, how=how, std=delay.std)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:

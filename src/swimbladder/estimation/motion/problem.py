@@ -214,6 +214,15 @@ class Experiment:
             mask[s.first : s.last + 1] = True
         return mask
 
+    def error(self, neutral: float, psi: float) -> float:
+        """Return by how much a neutral volume at depth 0 [m3], counted as the record does, is off.
+
+        psi [m3/m]: with which it grows down to the reference.
+        """
+        assert self.record.volume is not None  # it drives the model
+        zero = float(self.record.volume[0] - self.inputs[0]) + self.neutral
+        return neutral - zero + psi * self.reference + self.added
+
     def step(self) -> float:
         """Return the volume against neutral that the experiment is run with [m3]: its median."""
         if not self.ramps:

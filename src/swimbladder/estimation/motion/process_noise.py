@@ -39,6 +39,7 @@ from swimbladder.estimation.motion.problem import (
     Experiment,
     Problem,
 )
+from swimbladder.estimation.motion.volume_errors import as_white, volume_errors
 from swimbladder.estimation.series import Array, Index, Mask
 from swimbladder.io.answers import as_json
 from swimbladder.vehicle import Vehicle
@@ -118,13 +119,13 @@ class Likelihood:
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std, self.drift_std = problem.speed_std, problem.drift_std
         self.drift = 0.0  # m3/s, of the neutral volumes
-        nothing = _SHARE * (stroke.maximum - stroke.minimum)
-        self.neutral_std = problem.neutral_std if self.known else nothing
+        whole = stroke.maximum - stroke.minimum
+        self.neutral_std = problem.neutral_std if self.known else _SHARE * whole
         self.records = tuple(e.record for e in problem.experiments)
         parts = [(i, e.segments) for i, e in enumerate(problem.experiments)]
         self.record = np.array([i for i, segments in parts for _ in segments])  # of each stretch
         self.first = [s.first for _, segments in parts for s in segments]  # sample of the record
-        self.samples = tuple(s for e in problem.experiments for s in _samples(e))
+        self.samples = tuple(s for e in problem.experiments for s in _samples(e, whole))
         self.ends = np.cumsum([0, *(len(s.time) for s in self.samples)])
         self.record_of_samples = np.repeat(self.record, np.diff(self.ends))
 
@@ -180,6 +181,8 @@ class Likelihood:
             if record.warmth is not None and adds_warmth(record, gain, lag):
                 more = more_warmth(record, gain, lag)
                 s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
+            if not correlated:
+                s = s._replace(volume_error=as_white(s.time, s.volume_error))
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
@@ -203,7 +206,12 @@ class Likelihood:
         volume = np.interp(time + delay, record.time, record.volume)
         depth, use = np.full(len(time), np.nan), np.full(len(time), -1, np.int8)
         depth[rows], use[rows] = s.depth, s.use
-        return Samples(time, volume, depth, use, s.layers), rows
+        volume_error = np.full((2, len(time)), -1.0)
+        volume_error[0, rows], volume_error[1] = (
+            s.volume_error[0],
+            s.volume_error[1, np.searchsorted(s.time, time)],
+        )
+        return Samples(time, volume, depth, use, s.layers, volume_error), rows
 
     def start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
         """Return the state that a stretch begins with, and what is known of it."""
@@ -295,18 +303,20 @@ def _restarts(run: Filtered) -> Array:
     return np.cumsum(np.where(again, np.sqrt(np.arange(2.0, len(again) + 2.0)), 0.0))
 
 
-def _samples(e: Experiment) -> list[Samples]:
-    """Return what the filter takes of a record: its stretches clear of contact."""
+def _samples(e: Experiment, stroke: float) -> list[Samples]:
+    """Return what the filter takes of a record: its stretches clear of contact; stroke [m3]."""
     record = e.record
     if record.volume is None or record.drive != "volume":
         what = "a random walk of the neutral volume is seen where only the logged volume drives it"
         raise InputError(what, field="drive", value=record.drive, remedy="Drive it with volume")
-    found = []
+    found, off = [], volume_errors(record, stroke)
     for segment in e.segments:
         part = slice(segment.first, segment.last + 1)
         arrays = (record.time[part], record.volume[part], record.depth[part])
         time, volume, depth = (np.ascontiguousarray(a) for a in arrays)
-        found.append(Samples(time, volume, depth, np.ones(len(time), np.int8), record.layers))
+        use, own = np.ones(len(time), np.int8), off[:, part].copy()
+        own[0, 0] = off[0][: segment.first + 1].max()
+        found.append(Samples(time, volume, depth, use, record.layers, own))
     return found
 
 
@@ -414,6 +424,7 @@ _UNITS = {
     "hull_gain": "m3/K",
     "hull_lag": "s",
 }
+_WIDER = 1.2  # times an interval, from where the volumes' errors have to be in it
 _CLEAR = 1.96  # deviations from 0
 SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
 
@@ -544,6 +555,19 @@ class Highest(NamedTuple):
         """Whether there is more than white noise of the depth: the model lacks something."""
         return self.p_any < SIGNIFICANT
 
+    @property
+    def inexact(self) -> bool:
+        """Whether what volumes may be off by clearly widens an interval."""
+        n = len(self.problem.names)
+        exact = copy(self.full)
+        exact.samples = tuple(
+            s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples
+        )
+        hold = np.diag(self.full.prior_slope(self.x)[1])
+        known = (inverse_of(one.scores(self.x)[1] + hold) for one in (self.full, exact))
+        wide, narrow = (np.sqrt(np.diag(C)[:n]) for C in known)
+        return bool((wide > _WIDER * narrow).any())
+
     def begin(self) -> Array:
         """Return where a fit without process noise begins: by the smoothed states of each record.
 
@@ -554,12 +578,9 @@ class Highest(NamedTuple):
         for j, (e, track) in enumerate(
             zip(problem.experiments, _tracks(self.full, self.x), strict=True)
         ):
-            assert e.record.volume is not None  # it drives them
             used, time = track.used, e.record.time
             rate, first = np.polyfit(time[used] - time[0], track.smoothed[used, 2], 1).tolist()
-            zero = float(e.record.volume[0] - e.inputs[0]) + e.neutral
-            error = first - zero + values["psi"] * e.reference + e.added
-            x[problem.shared + j] = error / VOLUME
+            x[problem.shared + j] = e.error(first, values["psi"]) / VOLUME
             x[problem.first_drift + j] = rate / DRIFT if problem.drift_std > 0.0 else 0.0
             for k, s in enumerate(e.segments):
                 at = problem.starts_at[j] + 2 * k

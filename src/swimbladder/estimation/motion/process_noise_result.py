@@ -50,6 +50,7 @@ from swimbladder.estimation.motion.result import (
 from swimbladder.estimation.series import rms
 from swimbladder.vehicle import Vehicle
 
+_COARSE = 1e-3  # of the stroke, a step in which volumes are recorded, to say so
 _TO_AND_FRO = 4.0  # standard deviations: 95 % is between
 
 
@@ -66,7 +67,8 @@ def with_process_noise(
     is that of the means over them. What belongs to a single log is from the filter along it.
     """
     each = tuple(
-        _experiment(e, track) for e, track in zip(problem.experiments, fit.tracks, strict=True)
+        _experiment(e, track, fit.values["psi"])
+        for e, track in zip(problem.experiments, fit.tracks, strict=True)
     )
     parameters, contradicted = against_prior(problem, fit.estimates)
     if "drag_quadratic" in fit.names and problem.model.law == "blended":  # it may be 0
@@ -86,7 +88,8 @@ def with_process_noise(
         *sinks_as_it_grows(problem),
         *_wanders(fit, problem),
         *contradicted,
-        *late(fit.delay),
+        *late(fit.delay, problem.delay_std),
+        *_recorded(problem, vehicle),
         _summary(fit),
     ]
     if asked.posterior is not None:
@@ -153,13 +156,13 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
     return with_probabilities(found)
 
 
-def _experiment(e: Experiment, track: Track) -> ExperimentFit:
+def _experiment(e: Experiment, track: Track, psi: float) -> ExperimentFit:
     """Return what the filter along a log says of it: how far the next sample is off, its start."""
     used, record = track.used, e.record
     first, last = int(used[0]), int(used[-1])
     at = track.smoothed[first]
     std = np.sqrt(np.maximum(np.diag(track.covariance[first]), 0.0))
-    own = np.array([[at[2] - track.start.neutral, std[2]], [at[0], std[0]], [at[1], std[1]]])
+    own = np.array([[e.error(float(at[2]), psi), std[2]], [at[0], std[0]], [at[1], std[1]]])
     span = float(record.time[last] - record.time[first])
     went = float(track.smoothed[last, 2] - at[2]) / span
     unsure = math.hypot(std[2], math.sqrt(max(float(track.covariance[last][2, 2]), 0.0))) / span
@@ -199,6 +202,13 @@ def _wanders(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
         shaken = fit.noise.acceleration * math.sqrt(damped) / model.specific_weight
         if (far := went + _TO_AND_FRO * shaken) > moved:
             yield Finding.of("motion", "wanders", log=e.source, went=far, moved=moved)
+
+
+def _recorded(problem: Problem, vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield which volumes are recorded in coarse steps."""
+    for e in problem.experiments:
+        if e.record.quantum > _COARSE * (vehicle.stroke.maximum - vehicle.stroke.minimum):
+            yield Finding.of("motion", "coarse volumes", log=e.source, step=e.record.quantum)
 
 
 def _differ(vehicle: Vehicle) -> Finding:

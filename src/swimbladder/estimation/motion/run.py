@@ -53,6 +53,7 @@ from swimbladder.estimation.motion.problem import (
     posed,
 )
 from swimbladder.estimation.motion.process_noise import (
+    SIGNIFICANT,
     Heat,
     described,
     fit_process_noise,
@@ -445,8 +446,10 @@ def _contradicts_prior(found: Identification, looser: Identification | None = No
     if any(f.kind == "neutral prior" for f in found.findings):
         return True
     own = found.process_noise
-    if own is None or looser is None:
-        return own is not None
+    if own is None or not own.p_any < SIGNIFICANT:
+        return False
+    if looser is None:
+        return True
     return looser.process_noise is None or (
         looser.process_noise.log_likelihood > own.log_likelihood + _CLEARLY
     )
@@ -466,9 +469,15 @@ def _answer(
     warmer: the problems of a hull whose gain and lag are off by as much as they are not known.
     """
     near: Array | None = None
+    inexact = False
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
         best = highest_with_noise(problem, vehicle)
-        found = followed(problem, best.begin(), best.depth_noise)
+        inexact = best.depth_noise >= _NO_SENSORS and best.inexact
+        found = (
+            None
+            if inexact and asked.process_noise == "auto"
+            else followed(problem, best.begin(), best.depth_noise)
+        )
         if asked.process_noise == "never":
             near = best.begin() if found is None else found[0]
         elif found is not None:
@@ -483,7 +492,9 @@ def _answer(
             report(0.9)
             said = assumptions(problem, vehicle)
             return with_process_noise(described(best), vehicle, problem, said, asked)
-    return _without_process_noise(problem, vehicle, asked, report, near, warmer)
+    answer = _without_process_noise(problem, vehicle, asked, report, near, warmer)
+    exact = (Finding.of("motion", "volumes taken as exact"),) if inexact else ()
+    return replace(answer, findings=(*answer.findings, *exact))
 
 
 def _without_process_noise(
@@ -534,7 +545,7 @@ def _without_process_noise(
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
     std = math.sqrt(max(float(found.covariance[problem.delay_at, problem.delay_at]), 0.0))
     delay = Estimate.of(float(found.x[problem.delay_at]) * DELAY, std * DELAY, "s")
-    findings += late(delay)
+    findings += late(delay, problem.delay_std)
     new, logs = vehicle, tuple(e.source for e in each)
     if identified:
         known = Values(names, problem.named(found.x), covariance, logs, trim_of(each, vehicle))
