@@ -30,20 +30,19 @@ def drive_outliers(
     *,
     rate: float,
     stroke: float,
-    quantum: float = 0.0,
 ) -> Mask:
     """Return which samples of a volume [m3] at times [s] the actuator cannot have been at.
 
     gaps: (time before, time after) [s] without samples. rate: of the vehicle's actuator at its
     fastest [m3/s]; the log's own counts where it is higher. stroke: largest less smallest volume
-    [m3]. quantum: in which the volume is recorded [m3]; what is within one of it is none.
+    [m3].
     """
     off = np.zeros(len(volume), dtype=bool)
     if len(volume) <= LONGEST:
         return off
     steps, span = np.diff(volume), np.diff(time)
     fastest = _MARGIN * max(_kept_up(steps / span), rate)
-    least = max(_FAR * white_noise(time, volume), _COARSE * stroke, 1.5 * quantum)
+    least = max(_FAR * white_noise(time, volume), _COARSE * stroke)
     if (np.abs(steps) > least + fastest * span).any():
         off = np.asarray(~_kept(time, volume, fastest, least))
     alone = spikes("volume_m3", volume[~off], time[~off], gaps)

@@ -175,7 +175,7 @@ def record(
     step = 0.0
     if chosen == "volume":
         step = quantum(series[np.isfinite(series)])
-        log = _mended(log, vehicle, step, notes)
+        log = _mended(log, vehicle, notes)
         series = _driving(log, vehicle, chosen)
     layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
@@ -260,10 +260,8 @@ def _per(log: Log, vehicle: Vehicle) -> float:
     return 1.0 if log.volume is not None else vehicle.piston_area or 1.0
 
 
-def _mended(log: Log, vehicle: Vehicle, step: float, notes: list[str]) -> Log:
+def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
     """Return the log with a volume, or piston, where some of it cannot be or short holes are.
-
-    step: in which it is logged.
 
     Raises LogError where that are too many.
     """
@@ -274,7 +272,7 @@ def _mended(log: Log, vehicle: Vehicle, step: float, notes: list[str]) -> Log:
     rate, whole = p.rate if p.positioner else p.gain * p.supply, stroke.maximum - stroke.minimum
     off, hole = np.zeros(len(log), dtype=bool), np.zeros(len(log), dtype=bool)
     given = log.time[known], area * values[known], log.gaps
-    off[known] = drive_outliers(*given, rate=rate, stroke=whole, quantum=area * step)
+    off[known] = drive_outliers(*given, rate=rate, stroke=whole)
     for first, after in stretches(~known):
         hole[first:after] = first > 0 and after < len(log) and after - first <= LONGEST
     beyond = f"a {name} that the actuator cannot reach from the samples beside"
