@@ -36,6 +36,7 @@ from swimbladder.design.tuning.promise import (
     Promise,
     broken,
     limiting_margins,
+    noise_limits,
     trial_of,
 )
 from swimbladder.design.tuning.region import Member, Region, neutral_random_walk
@@ -394,8 +395,8 @@ class Search:
         scored: list[tuple[tuple[float, ...], Any, Trial]] = []
         slower, left = 1.0, 1.0  # of the work
         while slower >= _SLOWEST:
-            # Where the noise saturates a slow motor with the fastest that have the margins, slower
-            # ones settle sooner.
+            # Where noise, or a path at nearly the motor's speed, saturates a slow motor with the
+            # fastest that have the margins, slower ones settle sooner.
             part = 0.5 * left if goal == "fast" else left
             more = self._compared(slower, part)
             left -= _COMPARED * part
@@ -403,8 +404,13 @@ class Search:
             if more and self.fastest is None:
                 self.fastest = more[0][1]
             scored = sorted([*scored, *more], key=lambda one: one[0])
-            if goal != "fast" or worse or (scored and not any(broken(promise, scored[0][2]))):
+            if goal != "fast" or worse:
                 break
+            for _, tuning, over in scored[:1]:
+                flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
+                helps = recipe.shares or noise_limits(*flown, promise, over)
+                if not any(broken(promise, over)) or not helps:
+                    slower = 0.0
             slower *= 0.5
         if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
             final = []

@@ -174,6 +174,21 @@ def _off(promise: Promise, found: Trial) -> float:
     return max((times for _, times in broken(promise, found)), default=0.0)
 
 
+def noise_limits(
+    vehicle: Vehicle, law: BoundLaw, step: Step, drawn: Drawn, promise: Promise, found: Trial
+) -> bool:
+    """Return whether gains that do not keep a promise in a trial come nearer without any noise."""
+    quiet = _silent(vehicle)
+    if quiet == vehicle:
+        return False
+    without = trial_of(quiet, law, step, drawn, ballast=promise.ballast)
+    return _off(promise, without) <= _HELPS * _off(promise, found)
+
+
+def _silent(vehicle: Vehicle) -> Vehicle:
+    return vehicle.but("sensors", depth_noise=0.0, depth_quantum=0.0)
+
+
 def limiting(
     vehicle: Vehicle,
     laws: Sequence[BoundLaw],
@@ -201,8 +216,7 @@ def limiting(
         outcomes.append((left(vehicle, drawn._replace(supply=math.inf)), supply))
     if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
         noise = 1e3 * math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
-        silent = vehicle.but("sensors", depth_noise=0.0, depth_quantum=0.0)
-        least = min(left(silent, drawn, law) for law in dict.fromkeys(laws))
+        least = min(left(_silent(vehicle), drawn, law) for law in dict.fromkeys(laws))
         outcomes.append((least, _NOISE.format(noise)))
     if drawn.column is not None:
         outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))
