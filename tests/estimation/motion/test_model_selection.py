@@ -43,7 +43,10 @@ def test_a_model_that_holds_another_is_never_less_likely_with_process_noise(seed
 
 @pytest.mark.parametrize("seed", [1, 4])
 def test_a_turbulent_drag_that_may_be_none_has_an_interval_that_begins_there(seed):
-    """The truth is laminar: of a logarithm the interval went over tens of decades, or below 0."""
+    """The truth is laminar: of a logarithm the interval went over tens of decades, or below 0.
+
+    Its end allows for the way of a jumping volume between samples, which the log does not show.
+    """
     rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
     volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
     depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, k_dl=1.2, psi=-2e-6)
@@ -53,7 +56,7 @@ def test_a_turbulent_drag_that_may_be_none_has_an_interval_that_begins_there(see
     quick = {"profiles": False, "choices": False, "process_noise": "always"}
     drag = identify([log], FEUP_EM, drag="blended", **quick).parameters["drag_quadratic"]
     assert drag.ci95[0] == 0.0
-    assert drag.value < drag.ci95[1] < 1.0
+    assert drag.value < drag.ci95[1] < 2.0
 
 
 def test_what_the_data_do_not_tell_makes_no_vehicle_and_no_error():
