@@ -480,6 +480,7 @@ def test_a_real_dive_predicted_from_the_others(data_dir) -> None:
     assert off < np.sqrt(np.mean((p.action_constant - p.action) ** 2))
 
 
+@pytest.mark.prove
 def test_an_argo_float_is_the_same_from_a_start_far_off(data_dir) -> None:
     """Five days to 4000 dbar and back, with a file whose valve lets in as much as it does or twice.
 
