@@ -252,7 +252,7 @@ _TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its ow
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
 _EASY = 0.6  # of the motor's speed that a path takes where the fastest gains do not settle
 _COMPARED = 0.85  # of the work: margins and trials of candidates
-_SLOWEST = 0.1  # of the frequencies of a grid for fast, that is tried
+_SLOWER = (1.0, 0.5, 0.25, 0.125)  # times the frequencies of a grid for fast, in turn
 _FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
 _FITTED = 3  # times, each with as many runs as are reported
 _SLACK = 0.97  # of the margins: the linear form is that of differences
@@ -390,28 +390,20 @@ class Search:
 
     def _of_loops(self) -> Found:
         """Return the best of a law that is called at each sample: by margins, then trials."""
-        goal, held, _, step, drawn, promise = self.asked
+        goal, held, _, step, drawn, _ = self.asked
         recipe, name = self.recipe, self.law.name
         scored: list[tuple[tuple[float, ...], Any, Trial]] = []
-        slower, left = 1.0, 1.0  # of the work
-        while slower >= _SLOWEST:
-            # Where noise, or a path at nearly the motor's speed, saturates a slow motor with the
-            # fastest that have the margins, slower ones settle sooner.
+        left = 1.0  # of the work
+        for slower in _SLOWER if goal == "fast" else _SLOWER[:1]:
             part = 0.5 * left if goal == "fast" else left
             more = self._compared(slower, part)
             left -= _COMPARED * part
-            worse = scored and more and more[0][0] >= scored[0][0]
             if more and self.fastest is None:
                 self.fastest = more[0][1]
+            worse = scored and more and more[0][0] >= scored[0][0]
             scored = sorted([*scored, *more], key=lambda one: one[0])
-            if goal != "fast" or worse:
+            if worse or (goal == "fast" and scored and not self._too_fast(*scored[0][1:])):
                 break
-            for _, tuning, over in scored[:1]:
-                flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
-                helps = recipe.shares or noise_limits(*flown, promise, over)
-                if not any(broken(promise, over)) or not helps:
-                    slower = 0.0
-            slower *= 0.5
         if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
             final = []
             for _, tuning, over in scored[:_FINAL]:
@@ -457,14 +449,25 @@ class Search:
             f"{self.setting.sample_time:g} s: {nearest}. {limiting_margins(self.region, self.held)}"
         )
 
+    def _too_fast(self, tuning: Any, over: Trial) -> bool:
+        """Say whether gains do not keep what they have to, and slower ones may.
+
+        A slow motor is saturated by noise, or by a path at nearly its speed. over: their trial.
+        """
+        _, _, _, step, drawn, promise = self.asked
+        if not any(broken(promise, over)):
+            return False
+        flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
+        return bool(self.recipe.shares) or noise_limits(*flown, promise, over)
+
     def _compared(self, slower: float, part: float) -> list[tuple[tuple[float, ...], Any, Trial]]:
         """Return trials of candidates with their options, the best first; arguments as there."""
         goal, held, depths, _, drawn, _ = self.asked
         most = _TRIED_RESTING if self.recipe.holds and goal != "fast" else _TRIED[goal]
         every: list[TuningParameters] = []
         for one in self.candidates(most, slower, part):
-            rest = {"held": held, "deepest": max(depths), "slower": slower}
-            every += options(self.recipe, goal, one, self.setting, **rest)
+            asked = self.recipe, goal, one, self.setting
+            every += options(*asked, held=held, deepest=max(depths), slower=slower)
         scored = []
         for tuning in every:
             scored.append(self.tried(tuning, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
