@@ -47,7 +47,7 @@ def _rest(a: Analysis) -> Iterator[str]:
         assert a.stall is not None
         why = "the supply cannot hold the motor"
         if a.drive is not None:
-            why = "more leaks back than the pump presses out"
+            why = "more leaks back than the pump delivers"
         yield (
             f"Below {a.stall.holding_depth:.1f} m {why}: the vehicle cannot rest there, and what "
             "follows is about a vehicle that could."

@@ -97,9 +97,7 @@ def _let_in(runs: PumpRuns, kept: Flags) -> Flags:
     usual = float(np.median(np.abs(runs.volume[known])))
     found = known & (runs.volume < -_LET_IN * usual)
     if 2 * found.sum() > known.sum():
-        what = (
-            f"{int(found.sum())} of {int(known.sum())} runs let volume in, and a pump presses out"
-        )
+        what = f"{int(found.sum())} of {int(known.sum())} runs let volume in, which no pump does"
         remedy = "Choose the pump's rows with `where=`, or turn the column's sign"
         value = float(np.min(runs.volume[found]))
         raise InputError(what, field="volume_m3", unit="m3", value=value, remedy=remedy)

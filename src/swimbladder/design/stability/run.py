@@ -453,7 +453,7 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
         stalls = pump_stall(vehicle, depth=deepest).holding_depth
         if stalls < deepest:
             return (
-                f"Below {stalls:.4g} m more leaks back than the pump presses out: no law brings "
+                f"Below {stalls:.4g} m more leaks back than the pump delivers: no law brings "
                 "the vehicle up from there."
             )
     neutral = neutral_end(p)

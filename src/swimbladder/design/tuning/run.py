@@ -498,7 +498,7 @@ def _check_reach(
         if pump.holding_depth <= deepest:
             at = f"with {supply:.3g} V " if math.isfinite(supply) else ""
             raise NoAnswerError(
-                f"{at}the pump presses out less than leaks back below {pump.holding_depth:.4g} m: "
+                f"{at}the pump delivers less than leaks back below {pump.holding_depth:.4g} m: "
                 f"no law brings the vehicle up from {deepest:g} m. It takes a stronger pump, a "
                 f"higher supply, or less depth {_ASKED}"
             )
