@@ -12,8 +12,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from swimbladder.errors import InputError
-from swimbladder.estimation.series import Array
 from swimbladder.io.answers import as_json
+from swimbladder.physics.arrays import Array
 from swimbladder.units import parse_quantity, quantity, unit_of, with_one_unit
 from swimbladder.vehicle.schema import did_you_mean
 

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.cache import compiled
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Mask = NDArray[np.bool_]
 
 _COME_BACK = 2  # times that each level of a coarse recorder is met, at least
 _LEVELS, _SURELY = 4, 20  # levels that are enough, or so many changes between fewer
@@ -47,7 +46,7 @@ def white_noise(time: Array, values: Array) -> float:
     return scale(off / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2))
 
 
-def stretches(mask: Mask) -> list[tuple[int, int]]:
+def stretches(mask: Flags) -> list[tuple[int, int]]:
     """Return (first, after) of the stretches where the mask holds."""
     turns = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(int))).tolist()
     return list(zip(turns[::2], turns[1::2], strict=True))

@@ -23,15 +23,20 @@ def test_a_model_that_holds_another_is_never_less_likely(fixed):
         assert found["blended", psi] > found["quadratic", psi] - 0.1
 
 
+def of_jumps(seed: int, **drag: float) -> Log:
+    """Return a log of a vehicle with this drag whose volume jumps every ten seconds."""
+    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
+    volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
+    depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, **drag, psi=-2e-6)
+    depth += 2e-3 * rng.normal(size=len(time))
+    known = {"line": np.arange(len(time)), "volume_absolute": True}
+    return Log(source="log", time=time, depth=depth, volume=volume, **known)
+
+
 @pytest.mark.parametrize("seed", [1, 5])
 def test_a_model_that_holds_another_is_never_less_likely_with_process_noise(seed):
     """The truth has no laminar drag: a blended one has to find hardly any."""
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
-    volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
-    depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, k_dt=20.0, psi=-2e-6)
-    depth += 2e-3 * rng.normal(size=len(time))
-    known = {"line": np.arange(len(time)), "volume_absolute": True}
-    log = Log(source="log", time=time, depth=depth, volume=volume, **known)
+    log = of_jumps(seed, k_dt=20.0)
     listed = identify([log], FEUP_EM, profiles=False, process_noise="always").choices
     found = {(c.drag, c.psi): c.log_likelihood for c in listed}
     for psi in ("free", "zero"):
@@ -47,12 +52,7 @@ def test_a_turbulent_drag_that_may_be_none_has_an_interval_that_begins_there(see
 
     Its end allows for the way of a jumping volume between samples, which the log does not show.
     """
-    rng, time = np.random.default_rng(seed), np.arange(0.0, 200.0, 0.5)
-    volume = rng.normal(0.0, 30e-6, len(time) // 20 + 1).repeat(20)[: len(time)]
-    depth = trace(time, volume, z0=20.0, V0=4e-5, m=50.0, k_dl=1.2, psi=-2e-6)
-    depth += 2e-3 * rng.normal(size=len(time))
-    known = {"line": np.arange(len(time)), "volume_absolute": True}
-    log = Log(source="log", time=time, depth=depth, volume=volume, **known)
+    log = of_jumps(seed, k_dl=1.2)
     quick = {"profiles": False, "choices": False, "process_noise": "always"}
     drag = identify([log], FEUP_EM, drag="blended", **quick).parameters["drag_quadratic"]
     assert drag.ci95[0] == 0.0

@@ -15,18 +15,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.series import (
-    Array,
-    Autoregression,
-    Index,
-    Mask,
-    scale,
-    stretches,
-    white_noise,
-)
+from swimbladder.estimation.series import Autoregression, Index, scale, stretches, white_noise
 from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
 from swimbladder.physics.actuator import reduced
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.vehicle import Vehicle
 
 _FAR = 5.0  # robust standard deviations beyond which a sample is an outlier
@@ -49,7 +42,7 @@ def quantum(position: Array) -> float:
     return found if fits[multiples < 10.0].mean() > 0.9 and (multiples < 10.0).any() else 0.0
 
 
-def spikes(residual: Array, least: float) -> Mask:
+def spikes(residual: Array, least: float) -> Flags:
     """Return which samples stick out from their neighbours by more than `least` and by far."""
     width = 7
     if len(residual) < width:
@@ -110,7 +103,7 @@ class Bench:
             return "voltage"
         return "nothing" if self.reference is None else "reference"
 
-    def only(self, kept: Mask) -> Bench:
+    def only(self, kept: Flags) -> Bench:
         """Return the bench with the samples that are `kept`."""
         before = np.concatenate(([0], np.cumsum(kept)))
         runs = [(int(before[first]), int(before[after])) for first, after in self.runs]
@@ -265,7 +258,7 @@ def cut(bench: Bench, log: int) -> list[Block]:
     return blocks
 
 
-def _rests(bench: Bench, first: int, idle: Mask) -> tuple[Mask, list[int]]:
+def _rests(bench: Bench, first: int, idle: Flags) -> tuple[Flags, list[int]]:
     """Return which samples of a run are kept, and where it is cut."""
     kept = np.ones(len(idle), bool)
     ends: list[int] = []

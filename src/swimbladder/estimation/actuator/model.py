@@ -36,7 +36,8 @@ from scipy.sparse import csr_array
 from swimbladder.errors import LogError, NoAnswerError
 from swimbladder.estimation.actuator.bench import IDLE, Bench, Block
 from swimbladder.estimation.estimates import Estimate
-from swimbladder.estimation.series import Array, Autoregression, Index
+from swimbladder.estimation.series import Autoregression, Index
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import compiled
 from swimbladder.units import format_quantity
 

@@ -24,7 +24,8 @@ from swimbladder.estimation.actuator.bench import Bench, autoregression, spikes
 from swimbladder.estimation.actuator.model import Pooled, pool, student
 from swimbladder.estimation.actuator.result import Step
 from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing
-from swimbladder.estimation.series import WHITE, Array, Index, Mask, stretches, white_noise
+from swimbladder.estimation.series import WHITE, Index, stretches, white_noise
+from swimbladder.physics.arrays import Array, Flags
 
 _MOVES = 0.5  # of the full speed: it moves
 _FULL = 0.85  # of the full speed of the move: it has started, and does not yet brake
@@ -187,7 +188,7 @@ class Rate(NamedTuple):
     std: float
     trend: float  # share of the speed that is gained in a second
     fitted: Array  # m, the position at the samples of the move
-    used: Mask
+    used: Flags
 
 
 def rate_of(bench: Bench, move: Move, T1: float = 0.0) -> Rate:
@@ -247,7 +248,7 @@ class _Window(NamedTuple):
     latest: float  # s, by which it has started
     trend: bool  # whether it is long enough to see the speed change
 
-    def only(self, kept: Mask) -> _Window:
+    def only(self, kept: Flags) -> _Window:
         """Return the window with the samples that are `kept`."""
         return self._replace(
             samples=self.samples[kept], time=self.time[kept], travel=self.travel[kept]

@@ -15,9 +15,10 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.actuator.bench import Driven, Quantity
 from swimbladder.estimation.estimates import Estimate, Finding
-from swimbladder.estimation.series import Array, Mask, rms
+from swimbladder.estimation.series import rms
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.physics.actuator import reduced, to_identified
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.vehicle import (
     AnyActuator,
     Identified,
@@ -139,7 +140,7 @@ class Step:
     time: Array  # s
     position: Array  # m, or m3
     fitted: Array
-    used: Mask
+    used: Flags
     voltage: Array | None = None  # V
     speed: float | None = None  # m/s, at full speed, where no voltage is known
     start: int = 0

@@ -38,7 +38,8 @@ from swimbladder.estimation.actuator.model import (
 )
 from swimbladder.estimation.actuator.result import PARAMETERS, Step
 from swimbladder.estimation.estimates import Z95, Estimate, bounded_fit, crossing, sentence
-from swimbladder.estimation.series import WHITE, Array, Autoregression, Mask, scale
+from swimbladder.estimation.series import WHITE, Autoregression, scale
+from swimbladder.physics.arrays import Array, Flags
 
 _OUTLIER = 10.0  # deviance that leaving a sample out costs
 
@@ -174,7 +175,7 @@ def _at_rest(problem: Problem, q: Array) -> None:
         own = [k for k, b in enumerate(problem.blocks) if (b.log, b.run) == place]
         first = problem.block == (own[0] if own else -1)
 
-        def loss(first: Mask = first) -> float:
+        def loss(first: Flags = first) -> float:
             off = problem.by_median(problem.residual(q))[first] / size
             return float(np.sum(np.minimum(off**2, 25.0)))
 

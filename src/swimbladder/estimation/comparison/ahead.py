@@ -23,10 +23,11 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record, record
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.kalman.depth_filter import Bank, Member, Noise, Start, filter_bank
-from swimbladder.estimation.series import Array, Index, rms
+from swimbladder.estimation.series import Index, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import Vehicle

@@ -11,8 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swimbladder.estimation.series import Array, Mask, white_noise
+from swimbladder.estimation.series import white_noise
 from swimbladder.io.log_checks import spikes
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.cache import compiled
 
 _JUMP = 3.0  # samples: a run that is left out has fewer than twice as many
@@ -30,7 +31,7 @@ def drive_outliers(
     *,
     rate: float,
     stroke: float,
-) -> Mask:
+) -> Flags:
     """Return which samples of a volume [m3] at times [s] the actuator cannot have been at.
 
     gaps: (time before, time after) [s] without samples. rate: of the vehicle's actuator at its
@@ -50,7 +51,7 @@ def drive_outliers(
     return off
 
 
-def filled(time: Array, volume: Array, off: Mask) -> Array:
+def filled(time: Array, volume: Array, off: Flags) -> Array:
     """Return a volume, or piston, with values for the samples that are off.
 
     Between the samples beside a run it goes on as it did before, until it meets the line on which
@@ -82,7 +83,7 @@ def _kept_up(speed: Array) -> float:
 
 
 @compiled
-def _kept(time: Array, volume: Array, fastest: float, least: float) -> Mask:
+def _kept(time: Array, volume: Array, fastest: float, least: float) -> Flags:
     """Return which samples are kept at the least cost."""
     n = len(time)
     cost, before = np.zeros(n), np.full(n, -1)

@@ -17,8 +17,9 @@ import numpy as np
 
 from swimbladder.errors import LogError, column_as
 from swimbladder.estimation.estimates import Finding, sentence
-from swimbladder.estimation.series import Array, Mask, stretches
+from swimbladder.estimation.series import stretches
 from swimbladder.io.logs import Log
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import plant
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import Vehicle
@@ -35,7 +36,7 @@ _SMALL = 0.02  # m, less motion than which has no information
 _MOVED = 1e-3  # of the stroke, likewise of the volume
 
 
-def _informative(depth: Array, under: Mask) -> slice | None:
+def _informative(depth: Array, under: Flags) -> slice | None:
     """Return the longest stretch that is `under` water; None where it hardly moves, or is short."""
     first, after = max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0))
     moves = after - first >= _LEAST and np.ptp(depth[first:after]) >= _SMALL
@@ -43,7 +44,7 @@ def _informative(depth: Array, under: Mask) -> slice | None:
 
 
 def refuse_wrong_clock(
-    log: Log, vehicle: Vehicle, under: Mask, drive: Drive, driving: Array
+    log: Log, vehicle: Vehicle, under: Flags, drive: Drive, driving: Array
 ) -> None:
     """Raise LogError where the times of a log cannot be in their unit, with the one that fits.
 
@@ -79,7 +80,7 @@ def refuse_wrong_clock(
 
 
 def misread(
-    time: Array, depth: Array, volume: Array, under: Mask, vehicle: Vehicle
+    time: Array, depth: Array, volume: Array, under: Flags, vehicle: Vehicle
 ) -> Finding | None:
     """Return which column was read wrong, where depths go with volumes as this vehicle's cannot.
 

@@ -18,8 +18,9 @@ from swimbladder.estimation.comparison.drive_outliers import LONGEST, drive_outl
 from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
-from swimbladder.estimation.series import Array, Mask, followed, quantum, stretches
+from swimbladder.estimation.series import followed, quantum, stretches
 from swimbladder.io.logs import Log
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
 from swimbladder.physics.seawater import Column
@@ -117,7 +118,7 @@ class Record:
     lag: float = 0.0  # s, time constant with which the hull follows it
     setpoints: tuple[tuple[float, float], ...] = ()  # (s, m)
     reference: Array | None = None  # m
-    compared: Mask
+    compared: Flags
     afloat: bool = False
     bottom_depth: float = math.inf  # m
     notes: tuple[str, ...] = ()

@@ -31,10 +31,11 @@ from swimbladder.estimation.estimates import (
     impossible_mass,
     sentence,
 )
-from swimbladder.estimation.series import Array, Mask, rms, white_noise
+from swimbladder.estimation.series import rms, white_noise
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution, drive, simulate
@@ -312,11 +313,11 @@ def adjust(
             best, q = end, found
         if agreed == 3 and best < enough:
             break
-    spread = _spread(problem, q, whole) * problem.scale
+    residual = problem.residual(q, whole)
+    spread = _spread(problem, q, residual, whole) * problem.scale
     at_limit = problem.at_limit(q)
-    noise = max(white_noise(rec.time, rec.depth), _FINEST)
     possible = (problem.most - problem.least) * problem.scale
-    misfit = rms(problem.residual(q, whole)) / noise
+    misfit = rms(residual) / _noise(rec)
     bent = [claims_too_much(*pair, misfit) for pair in zip(spread, possible, strict=True)]
     spread[at_limit | bent | ~(spread < possible)] = np.nan
     values = q * problem.scale
@@ -380,7 +381,7 @@ class _Problem:
         ends, limits = (1e-7, 1e-9, 1e-12), (self.least, self.most)
         return bounded_fit(residual, slope, q, limits, ends=ends, most=60, edge=_STEP)
 
-    def at_limit(self, q: Array) -> Mask:
+    def at_limit(self, q: Array) -> Flags:
         return np.asarray((q < self.least + 2.0 * _STEP) | (q > self.most - 2.0 * _STEP))
 
 
@@ -436,6 +437,11 @@ def _guess(vehicle: Vehicle, rec: Record) -> float:
     return float(np.median(rec.volume[rec.compared] - resting))
 
 
+def _noise(rec: Record) -> float:
+    """Return the noise of the depth's sensor [m], 1 sigma, of which none is without."""
+    return max(white_noise(rec.time, rec.depth), _FINEST)
+
+
 def _nuisances(rec: Record, names: Sequence[str]) -> dict[str, float]:
     """Return what is not fitted and not known either, with its standard deviation before."""
     known = {"neutral_drift": DRIFT_STD} if rec.drive == "volume" else {}
@@ -444,7 +450,7 @@ def _nuisances(rec: Record, names: Sequence[str]) -> dict[str, float]:
     return {name: std for name, std in known.items() if name not in names}
 
 
-def _spread(problem: _Problem, q: Array, whole: list[Window]) -> Array:
+def _spread(problem: _Problem, q: Array, residual: Array, whole: list[Window]) -> Array:
     """Return the standard deviations of what is fitted, for residuals that are correlated.
 
     The variance is taken up by the number of samples that carry the information of one:
@@ -455,9 +461,7 @@ def _spread(problem: _Problem, q: Array, whole: list[Window]) -> Array:
     rec, count = problem.rec, len(q)
     beside = _nuisances(rec, problem.names)
     wide = _Problem(problem.vehicle, rec, (*problem.names, *beside), problem.first)
-    at = np.append(q, wide.start[count:])
-    residual, slope = wide.residual(at, whole), wide.slope(at, whole)
-    n = len(residual)
+    slope, n = wide.slope(np.append(q, wide.start[count:]), whole), len(residual)
     centred = residual - residual.mean()
     power = float(centred @ centred)
     alike = 1.0
@@ -636,8 +640,7 @@ def compare(
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
     elif explained < _HALF:
-        noise = max(white_noise(rec.time, rec.depth), _FINEST)
-        lost = bool(names) and explained < _LOST and rms(off) > MODEL_ERROR * noise
+        lost = bool(names) and explained < _LOST and rms(off) > MODEL_ERROR * _noise(rec)
         findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,

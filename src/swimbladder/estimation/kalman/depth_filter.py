@@ -23,7 +23,8 @@ from swimbladder.estimation.kalman.kernels import (
     follow_kernel,
     predict_kernel,
 )
-from swimbladder.estimation.series import Array, Index, huber
+from swimbladder.estimation.series import Index, huber
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.engine.modes import Layers
 

@@ -22,7 +22,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Index
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import allocating, compiled
 from swimbladder.sim.engine.modes import (
     A_B,

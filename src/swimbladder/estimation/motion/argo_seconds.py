@@ -5,7 +5,7 @@ from scipy.optimize import minimize_scalar
 
 from swimbladder.control.argo import ARGO, let_in
 from swimbladder.control.registry import bind
-from swimbladder.estimation.series import Array
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import valve_flow
 from swimbladder.vehicle import Controller, PowerLawPump, PumpAndValve, Vehicle

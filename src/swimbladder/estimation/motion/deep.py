@@ -49,10 +49,11 @@ from swimbladder.estimation.motion.deep_model import (
     replay,
     run_volumes,
 )
-from swimbladder.estimation.series import Array, rms
+from swimbladder.estimation.series import rms
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.float_log import FloatLog
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import weighing
 from swimbladder.physics.seawater import Column
 from swimbladder.vehicle import (

@@ -46,8 +46,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Index
 from swimbladder.io.files import source_hash
+from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import compiled, part
 
 _SLOW = 3e-3  # m/s, as the water usually moves: a slower vehicle's slopes are those at this speed

@@ -48,8 +48,9 @@ from swimbladder.estimation.motion.deep_model import (
     excess,
     filtered,
 )
-from swimbladder.estimation.series import Array, Index, huber
+from swimbladder.estimation.series import Index, huber
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 
 
 class DiveScore(NamedTuple):

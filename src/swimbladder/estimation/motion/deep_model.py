@@ -45,8 +45,9 @@ from swimbladder.estimation.motion.deep_filter import (
     displaced_variance,
     filter_kernel,
 )
-from swimbladder.estimation.series import Array, Index, Mask
+from swimbladder.estimation.series import Index
 from swimbladder.io.float_log import FloatLog
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import hull_parts, layered_volume, weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
@@ -78,7 +79,7 @@ class Pieces:
     acceleration: Array  # m/s2, 0 where the neighbours are of other legs
     density: Array  # kg/m3, of the water
     temperature: Array  # degC, of the hull
-    before: Mask  # [n, m], which actions were before
+    before: Flags  # [n, m], which actions were before
     leaked: Array  # m3, as the vehicle's file has it, since the dive began
 
     def __len__(self) -> int:
@@ -90,8 +91,8 @@ class Actions(NamedTuple):
 
     time: Array  # s, the beginning
     seconds: Array  # s
-    pumps: Mask
-    bypass: Mask  # what is neither is the valve's
+    pumps: Flags
+    bypass: Flags  # what is neither is the valve's
     volume: Array  # m3, nominal, positive: rate times seconds, mean on the way
     unloaded: Array  # m3, what a pump would give against no pressure, nominal; 0 without one
     short: Array  # m3, what the start falls short of it, nominal; 0 without a pump
@@ -232,7 +233,7 @@ def deep_dive(log: FloatLog, column: Column, vehicle: Vehicle, *, name: str = ""
     )
 
 
-def _rounding(log: FloatLog, used: Mask) -> Array:
+def _rounding(log: FloatLog, used: Flags) -> Array:
     """Return the variance of the pressures `used` by their and their times' resolution [Pa2]."""
     time, pressure, none = log.time[used], log.pressure[used], np.zeros(int(used.sum()))
     step = log.time_step[used] if len(log.time_step) else none

@@ -39,7 +39,8 @@ from swimbladder.estimation.motion.problem import (
     model_of,
 )
 from swimbladder.estimation.motion.result import Choice, ExperimentFit, Psi
-from swimbladder.estimation.series import Array, Index, rms
+from swimbladder.estimation.series import Index, rms
+from swimbladder.physics.arrays import Array
 from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
 

@@ -41,7 +41,7 @@ from swimbladder.estimation.motion.problem import (
     Problem,
     Segment,
 )
-from swimbladder.estimation.series import Array
+from swimbladder.physics.arrays import Array
 
 _CLEARLY = 8.0  # standard deviations
 _WINDOW = 12.0  # s

@@ -16,8 +16,8 @@ from scipy.linalg import matmul_toeplitz, solve_toeplitz
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from swimbladder.estimation.series import Array
 from swimbladder.estimation.series import autoregression as of_blocks
+from swimbladder.physics.arrays import Array
 
 # Weight 1 up to _KEPT standard deviations, none from _CUT on. For normal noise this costs
 # 0.1 % of the information.

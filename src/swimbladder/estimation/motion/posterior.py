@@ -13,8 +13,8 @@ import numpy as np
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
-from swimbladder.estimation.series import Array
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.plugins import optional
 
 _WALKERS = 24

@@ -31,7 +31,8 @@ from swimbladder.errors import InputError, check_number
 from swimbladder.estimation.comparison.record import Record, bad_depth, follow_in
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.estimates import check_names as check_known
-from swimbladder.estimation.series import Array, Mask, shifted
+from swimbladder.estimation.series import shifted
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
@@ -207,7 +208,7 @@ class Experiment:
     added: float = 0.0  # m3, what the water's layers add at the reference: in `neutral` already
 
     @property
-    def used(self) -> Mask:
+    def used(self) -> Flags:
         """Which samples the fit uses."""
         mask = np.zeros(len(self.record.time), np.bool_)
         for s in self.segments:
@@ -258,7 +259,7 @@ def _first_depth(record: Record) -> float:
     return float(np.median(record.depth[near][:_FIRST]))
 
 
-def _clear(record: Record) -> Mask:
+def _clear(record: Record) -> Flags:
     """Return which samples are clear of surface and bottom; a spike to there is not a visit."""
     return np.asarray(median_filter(record.compared, size=5, mode="nearest"))
 

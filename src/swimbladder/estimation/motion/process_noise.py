@@ -40,8 +40,9 @@ from swimbladder.estimation.motion.problem import (
     Problem,
 )
 from swimbladder.estimation.motion.volume_errors import as_white, volume_errors
-from swimbladder.estimation.series import Array, Index, Mask
+from swimbladder.estimation.series import Index
 from swimbladder.io.answers import as_json
+from swimbladder.physics.arrays import Array, Flags
 from swimbladder.vehicle import Vehicle
 
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
@@ -207,10 +208,8 @@ class Likelihood:
         depth, use = np.full(len(time), np.nan), np.full(len(time), -1, np.int8)
         depth[rows], use[rows] = s.depth, s.use
         volume_error = np.full((2, len(time)), -1.0)
-        volume_error[0, rows], volume_error[1] = (
-            s.volume_error[0],
-            s.volume_error[1, np.searchsorted(s.time, time)],
-        )
+        volume_error[0, rows] = s.volume_error[0]
+        volume_error[1] = s.volume_error[1, np.searchsorted(s.time, time)]
         return Samples(time, volume, depth, use, s.layers, volume_error), rows
 
     def start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
@@ -377,7 +376,7 @@ def covariance(full: Likelihood, x: Array) -> Array:
     return C
 
 
-def _by_drifts(full: Likelihood, x: Array, inverse: Array, known: Mask) -> tuple[Array, Array]:
+def _by_drifts(full: Likelihood, x: Array, inverse: Array, known: Flags) -> tuple[Array, Array]:
     """Return what each record's drift, one deviation of its prior, shifts [quantities, records],
     and its mean square given the data, in squares of that deviation.
     """

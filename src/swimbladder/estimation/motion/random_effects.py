@@ -17,8 +17,8 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.ahead import Normal, Tuning, Unknowns, draw, places, unknowns
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
-from swimbladder.estimation.series import Array
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import Between, Identified, IdentifiedMotion, Motion, Vehicle
 
 FEWEST = 4  # logs

@@ -14,8 +14,8 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.noise import autoregression, whiteness
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem
-from swimbladder.estimation.series import Array
 from swimbladder.io.answers import Answer, as_json, plain
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import (
     Drag,
     Identified,

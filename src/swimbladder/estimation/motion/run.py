@@ -75,9 +75,9 @@ from swimbladder.estimation.motion.result import (
     neutral_spread,
     trim_of,
 )
-from swimbladder.estimation.series import Array
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity

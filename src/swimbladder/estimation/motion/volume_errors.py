@@ -8,7 +8,8 @@ share of the bend. And no volume is exact.
 import numpy as np
 
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.series import Array, Index
+from swimbladder.estimation.series import Index
+from swimbladder.physics.arrays import Array
 
 _EXACT = 2e-5  # of the stroke, 1 sigma of a sample of a volume
 _BEND = 0.12  # of the change of a volume's step, 1 sigma of the mean of a span
