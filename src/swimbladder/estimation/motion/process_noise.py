@@ -24,7 +24,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import Record, adds_warmth, more_warmth
+from swimbladder.estimation.comparison.record import adds_warmth, more_warmth
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
@@ -39,7 +39,7 @@ from swimbladder.estimation.motion.problem import (
     Experiment,
     Problem,
 )
-from swimbladder.estimation.motion.volume_errors import as_white, volume_errors
+from swimbladder.estimation.motion.volume_errors import as_white, early_moves, volume_errors
 from swimbladder.estimation.series import Index
 from swimbladder.io.answers import as_json
 from swimbladder.physics.arrays import Array, Flags
@@ -90,6 +90,8 @@ NO_NOISE: Mapping[str, float] = {
 }
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
+_EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `volume_errors.early_moves`
+_EARLY_STD = 0.8
 _HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
 _LAG = Quantity("hull_lag", False, 100.0, 50.0, (0.0, 100.0))  # s, time constant of the hull
 _LAG_STD = 200.0  # s
@@ -111,10 +113,11 @@ class Likelihood:
         self.model = problem.model
         self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
         self.priors[_DELAY.name] = Prior(0.0, problem.delay_std)
+        self.priors[_EARLY.name] = Prior(0.0, _EARLY_STD)
         self.priors[_HEAT.name] = Prior(0.0, problem.heat_std)
         lag = vehicle.hull.thermal_time_constant
         self.priors[_LAG.name] = Prior(lag, _LAG_STD)
-        none = {_DELAY.name: 0.0, _HEAT.name: 0.0, _LAG.name: lag}
+        none = {_DELAY.name: 0.0, _EARLY.name: 0.0, _HEAT.name: 0.0, _LAG.name: lag}
         self.quantities, self.values = tuple(quantities), {**none, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
@@ -123,6 +126,7 @@ class Likelihood:
         whole = stroke.maximum - stroke.minimum
         self.neutral_std = problem.neutral_std if self.known else _SHARE * whole
         self.records = tuple(e.record for e in problem.experiments)
+        self.early = [early_moves(record) for record in self.records]
         parts = [(i, e.segments) for i, e in enumerate(problem.experiments)]
         self.record = np.array([i for i, segments in parts for _ in segments])  # of each stretch
         self.first = [s.first for _, segments in parts for s in segments]  # sample of the record
@@ -176,7 +180,9 @@ class Likelihood:
             noise = noise._replace(depth=depth, correlated=0.0)
         for i, stretch in enumerate(self.samples):
             record = self.records[self.record[i]]
-            s, rows = self._late(stretch, record, values[_DELAY.name])
+            assert record.volume is not None  # it drives them
+            moved = record.volume + values[_EARLY.name] * self.early[self.record[i]]
+            s, rows = self._late(stretch, record.time, moved, values[_DELAY.name])
             s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
             gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
             if record.warmth is not None and adds_warmth(record, gain, lag):
@@ -188,29 +194,29 @@ class Likelihood:
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
     @staticmethod
-    def _late(s: Samples, record: Record, delay: float) -> tuple[Samples, Index]:
-        """Return a stretch whose volumes are late [s], and where its samples are in it now.
+    def _late(s: Samples, stamps: Array, volume: Array, delay: float) -> tuple[Samples, Index]:
+        """Return a stretch with the volumes of a record, late by a delay [s], and where its samples
+        are in it now.
 
         Volumes are straight between their stamps: where they bend, there are instants more.
         """
         if delay == 0.0:
-            return s, np.arange(len(s.time))
-        assert record.volume is not None  # it drives them
-        bends = np.abs(np.diff(record.volume, 2)) > _BENT * float(np.std(record.volume))
-        more = record.time[1:-1][bends] - delay
+            return s._replace(volume=np.interp(s.time, stamps, volume)), np.arange(len(s.time))
+        bends = np.abs(np.diff(volume, 2)) > _BENT * float(np.std(volume))
+        more = stamps[1:-1][bends] - delay
         more = more[(more > s.time[0]) & (more < s.time[-1])]
         after = s.time[np.searchsorted(s.time, more)]
         before = s.time[np.searchsorted(s.time, more) - 1]
         more = more[np.minimum(after - more, more - before) > _INSTANT]
         time = np.sort(np.append(s.time, more))
         rows = np.searchsorted(time, s.time)
-        volume = np.interp(time + delay, record.time, record.volume)
+        late = np.interp(time + delay, stamps, volume)
         depth, use = np.full(len(time), np.nan), np.full(len(time), -1, np.int8)
         depth[rows], use[rows] = s.depth, s.use
         volume_error = np.full((2, len(time)), -1.0)
         volume_error[0, rows] = s.volume_error[0]
         volume_error[1] = s.volume_error[1, np.searchsorted(s.time, time)]
-        return Samples(time, volume, depth, use, s.layers, volume_error), rows
+        return Samples(time, late, depth, use, s.layers, volume_error), rows
 
     def start(self, stretch: int, values: Mapping[str, float], noise: Noise) -> Start:
         """Return the state that a stretch begins with, and what is known of it."""
@@ -279,9 +285,9 @@ class Likelihood:
             drifting = copy(self)
             drifting.drift = _STEP * self.drift_std
             steps.append((drifting, np.zeros(len(x))))
-        slopes = np.zeros((*here.shape, len(steps)))
+        slopes, side = np.zeros((*here.shape, len(steps))), np.zeros((here.shape[1], len(steps)))
         for i, (way, h) in enumerate(steps):
-            total, sides = np.zeros_like(here), np.zeros(here.shape[1])
+            total, sides, lean = np.zeros_like(here), np.zeros(here.shape[1]), side[:, i]
             for sign in (1.0, -1.0):
                 if sign < 0.0 and (i == len(x) or (not central and sides.all())):
                     break  # the other side is needed only where the likelihood jumps
@@ -289,11 +295,14 @@ class Likelihood:
                 same = (again == began) & np.isfinite(there).all(axis=0)
                 total += np.where(same, sign * (there - here), 0.0)
                 sides += same
+                lean += sign * same
             slopes[..., i] = np.nan_to_num(total / (np.maximum(sides, 1.0) * _STEP))
         e, S, _ = here[..., None]
         believed = np.abs(e) <= GATE * np.sqrt(S)
         de = np.where(believed, slopes[0] / np.sqrt(S), 0.0)
-        return slopes[2], de, np.where(believed, slopes[1] / S, 0.0)
+        dS = np.where(believed, slopes[1] / S, 0.0)
+        # a difference to one side is off by half a step of the curvature, which is about minus that
+        return slopes[2] + 0.5 * _STEP * side * (de**2 + 0.5 * dS**2), de, dS
 
 
 def _restarts(run: Filtered) -> Array:
@@ -420,10 +429,12 @@ _UNITS = {
     "correlated": "m",
     "correlation_time": "s",
     "volume_delay": "s",
+    "early_moves": "1",
     "hull_gain": "m3/K",
     "hull_lag": "s",
 }
 _WIDER = 1.2  # times an interval, from where the volumes' errors have to be in it
+_MOVES = 0.5  # deviations of a value: likewise
 _CLEAR = 1.96  # deviations from 0
 SIGNIFICANT = 1e-3  # chance of as much evidence for process noise without any
 
@@ -556,16 +567,21 @@ class Highest(NamedTuple):
 
     @property
     def inexact(self) -> bool:
-        """Whether what volumes may be off by clearly widens an interval."""
-        n = len(self.problem.names)
+        """Whether what volumes may be off by clearly widens an interval, or moves a value."""
+        n, names = len(self.problem.names), [q.name for q in self.full.quantities]
         exact = copy(self.full)
         exact.samples = tuple(
             s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples
         )
         hold = np.diag(self.full.prior_slope(self.x)[1])
-        known = (inverse_of(one.scores(self.x)[1] + hold) for one in (self.full, exact))
-        wide, narrow = (np.sqrt(np.diag(C)[:n]) for C in known)
-        return bool((wide > _WIDER * narrow).any())
+        less, more = (one.scores(self.x)[1] + hold for one in (self.full, exact))
+        moved, C = np.zeros(n), inverse_of(less)
+        if _EARLY.name in names:
+            at = names.index(_EARLY.name)
+            moved = C[:n, at] / C[at, at] * self.x[at]
+            more = np.delete(np.delete(more, at, 0), at, 1)
+        wide, narrow = (np.sqrt(np.diag(one)[:n]) for one in (C, inverse_of(more)))
+        return bool(((wide > _WIDER * narrow) | (np.abs(moved) > _MOVES * narrow)).any())
 
     def begin(self) -> Array:
         """Return where a fit without process noise begins: by the smoothed states of each record.
@@ -630,7 +646,7 @@ def raised(at: Highest, near: Array) -> Highest:
 
 def _nuisances(problem: Problem) -> list[Quantity]:
     """Return what all records have in common beside parameters and noise, where there is any."""
-    return [_DELAY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
+    return [_DELAY, _EARLY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
 
 
 def fit_process_noise(
@@ -821,7 +837,7 @@ def _climb(likelihood: Likelihood, x: Array, rounds: int) -> tuple[Array, float]
             reached = likelihood(new)
             if reached > height + 0.1 * gain:
                 x, height, damping = new, reached, damping / 5.0
-                ridge *= 0.2 if gain < _CLOSE else 1.0
+                ridge = max(ridge * (0.2 if gain < _CLOSE else 1.0), _LEAST_RIDGE)
                 break
             damping = max(5.0 * damping, 0.3)
             if damping > 1e6:

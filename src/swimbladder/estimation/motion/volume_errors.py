@@ -41,6 +41,23 @@ def volume_errors(record: Record, stroke: float) -> Array:
     return found
 
 
+def early_moves(record: Record) -> Array:
+    """Return by how much each volume [n, m3] is off where the motor moves as early as it can.
+
+    A volume that is sampled may have gone to where it is next evenly, at once, or at the last
+    moment (then the negative). As fast as in its fastest span, the mean of a span is off by
+    change / 2 (1 - |change| / largest). Shared by the span's two samples. Coarse steps say nothing
+    of it.
+    """
+    assert record.volume is not None  # it drives the model
+    change = np.diff(record.volume)
+    if record.quantum > 0.0:
+        return np.zeros(len(change) + 1)
+    rate = np.abs(change) / np.diff(record.time)
+    mean = 0.5 * change * (1.0 - rate / max(float(rate.max()), 1e-300))
+    return np.asarray(0.5 * (np.append(mean, 0.0) + np.append(0.0, mean)))
+
+
 def _stays(volume: Array, within: float) -> Index:
     """Return where stretches begin that stay within a range, each as long as it can be."""
     first, low, high = [0], volume[0], volume[0]
