@@ -227,6 +227,7 @@ def undetermined(
 _GRAVITY = 9.80665  # m/s2; to within a percent everywhere
 _LIGHTEST, _HEAVIEST = 0.9, 4.0  # of the water displaced
 _NONE = (0.25, 10.0)  # of it: only other units make a vehicle so light or so heavy
+_STEEPEST = 0.5  # kg/m3 that water is denser a metre down, where no cast says so
 
 
 def impossible_mass(m: Estimate, weight: float, dry_mass: float | None) -> Iterator[Finding]:
@@ -247,6 +248,13 @@ def impossible_mass(m: Estimate, weight: float, dry_mass: float | None) -> Itera
     masses = {"dry": dry_mass, "water": of_water, "times": m.value / of_water}
     why = sentence("motion", "mass", wrong, **masses)
     yield Finding.of("motion", "mass", "no" if sure else "warning", mass=m.value, wrong=why)
+
+
+def impossible_psi(psi: Estimate, specific_weight: float, displaced: float) -> Iterator[Finding]:
+    """Yield where no water has such a psi [m3/m]; of the water [N/m3], and the hull [m3]."""
+    per = -specific_weight / _GRAVITY / displaced  # kg/m4 over m3/m
+    if per * psi.ci95[1] > _STEEPEST:
+        yield Finding.of("motion", "stratified", psi=psi.value, gradient=per * psi.value)
 
 
 def crossing(

@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binomtest
 
 from studies.actuator import score
-from studies.benches import Motor, log_of, measured, random_motor, random_moves, soft_moves
+from studies.benches import Motor, log_of, measured, random_motor, random_moves, soft_moves, travel
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator import identify_actuator
 from swimbladder.io.config import load_vehicle
@@ -144,9 +144,52 @@ def test_a_soft_start_is_said_not_to_be_a_time_constant(ramp, T1, noise):
     assert "T1 is then the ramp's" in said.sentence
 
 
+def test_a_time_constant_that_is_a_ramps_is_not_identified():
+    found = identify_actuator([soft_moves(np.random.default_rng(1), ramp=0.3)])
+    assert not found.identified
+    assert not found.parameters["T1"].known
+    assert found.parameters["rate"].value == pytest.approx(5e-3, rel=1e-3)
+
+
 def test_the_ramp_is_as_long_as_it_is():
     (said,) = ramps(soft_moves(np.random.default_rng(1), ramp=0.3, noise=1e-7))
     assert "ramp of 0.3 s" in said.sentence
+
+
+def test_moves_that_lose_half_of_their_speed_have_no_one_rate():
+    """The rate was given with exit code 0, and a note that 48 or 214 % of the speed were lost."""
+    time = np.arange(0.0, 48.0, 0.05)
+    since = np.clip(time % 12.0 - 2.0, 0.0, 8.0)
+    gone = 2e-3 * (since - since**2 / 32.0)
+    position = np.where(time % 24.0 < 12.0, gone, gone[time < 12.0][-1] - gone)
+    random = np.random.default_rng(1)
+    found = identify_actuator([log_of(time, measured(position, random, noise=1e-6))])
+    assert not found.identified
+    (said,) = [f for f in found.findings if f.kind == "load"]
+    assert said.severity == "no"
+    assert "of its speed" in said.sentence
+    assert "supply and end stops" in said.sentence
+
+
+@pytest.mark.parametrize("count", [3, pytest.param(100, marks=pytest.mark.prove)])
+def test_intervals_of_logs_without_noise_hold_the_truth(count):
+    """T1 was "known" to 1e-7, its error was 1e-6."""
+    for k in range(count):
+        random = np.random.default_rng([8, k])
+        motor = random_motor(random)
+        time = np.arange(0.0, 40.0, 0.05)
+        begins = random.uniform(2.0, 2.05) + np.arange(6) * 6.0
+        fine = np.unique(np.concatenate([time, begins, begins + 3.0]))
+        voltage = np.zeros(len(fine))
+        for j, begin in enumerate(begins):
+            voltage[(fine >= begin) & (fine < begin + 3.0)] = (-1.0) ** j * 12.0
+        position = travel(motor, fine, voltage)[np.searchsorted(fine, time)]
+        found = identify_actuator([log_of(time, position)])
+        for name in ("T1", "rate"):
+            e = found.parameters[name]
+            assert not e.known or e.std >= 1e-4 * e.value
+        low, high = found.parameters["T1"].ci95
+        assert low <= motor.T1 <= high, k
 
 
 @pytest.mark.prove

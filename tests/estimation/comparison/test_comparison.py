@@ -580,3 +580,26 @@ def test_a_fit_that_is_worse_than_a_depth_that_stays_is_no_answer(float_vehicle)
         assert found.variance_explained < 0.5
         assert any("less than half" in f.sentence for f in found.findings)
         assert found.possible == possible
+
+
+def test_an_interval_that_holds_everything_is_none(paper_vehicle):
+    """A coarse log made of the mass 200 +- 910 kg, with exit code 0."""
+    time = np.arange(0.0, 240.0, 10.0)
+    volume = 20e-6 * np.sign(np.sin(2.0 * np.pi * time / 60.0 + 0.01))
+    depth = 2.0 + 0.1 * np.rint(0.4 * np.sin(time / 20.0) / 0.1)
+    log = made_log(time, depth, volume=volume)
+    c = compare(log, paper_vehicle, free=["mass"])
+    assert not c.possible
+    assert c.fitted["mass"].std is None
+    assert "mass is not identifiable" in c.findings[0].sentence
+
+
+def test_an_impossible_psi_is_no_answer(paper_vehicle):
+    hull = paper_vehicle.hull.model_copy(update={"psi": -1e-4})
+    vehicle = paper_vehicle.model_copy(update={"hull": hull})
+    time = np.arange(0.0, 120.0, 0.5)
+    volume = 1e-4 * np.sin(time / 10.0) - 2e-4
+    run = drive(vehicle, time=time, volume=volume, start_depth=2.0)
+    c = compare(made_log(time, run.depth, volume=volume), paper_vehicle, free=["psi"])
+    assert not c.possible
+    assert any(f.kind == "stratified" for f in c.findings)

@@ -66,6 +66,7 @@ Driven = Literal["voltage", "reference", "nothing"]
 _FEWEST = 10
 _GAP = 5.0  # median steps of time that are a gap
 _SHALLOW = 0.5  # m, a depth at which the load of the sea may be forgotten
+_CLOCK = 0.01  # of the time between samples: better no logger stamps what it reads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,6 +90,7 @@ class Bench:
     noise: float
     depth: float  # m, the greatest; 0 where not logged
     notes: tuple[str, ...]
+    clock: float  # s, 1 sigma of when a voltage changes or a position is read
 
     @property
     def volts(self) -> Array:
@@ -164,6 +166,7 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
         noise=white_noise(time, position),
         depth=depth,
         notes=tuple(notes),
+        clock=_CLOCK * step,
     )
 
 

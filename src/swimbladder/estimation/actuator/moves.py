@@ -23,7 +23,7 @@ import numpy as np
 from swimbladder.estimation.actuator.bench import Bench, autoregression, spikes
 from swimbladder.estimation.actuator.model import Pooled, pool, student
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing
+from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing, sentence
 from swimbladder.estimation.series import WHITE, Index, stretches, white_noise
 from swimbladder.physics.arrays import Array, Flags
 
@@ -522,9 +522,10 @@ def fit_moves(bench: Bench) -> MovesFit:
         derived[f"T1_{name}"] = begun.T1
         if begun.ramp is not None:
             ramps[f"{name}ward"] = begun.ramp
+            derived[f"T1_{name}"] = Estimate.unknown("s", sentence("actuator", "ramp", "why"))
     parameters = {
         "K1": Estimate.unknown(f"{unit}/V", _NO_VOLTAGE),
-        "T1": start.T1,
+        "T1": Estimate.unknown("s", sentence("actuator", "ramp", "why")) if ramps else start.T1,
         "dead_zone": Estimate.unknown("V", _NO_VOLTAGE),
         "load_voltage": Estimate.unknown("V", _NO_VOLTAGE),
         **_both(pooled, unit),

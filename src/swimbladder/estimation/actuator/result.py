@@ -201,9 +201,8 @@ class ActuatorIdentification(Answer):
 
     @property
     def identified(self) -> bool:
-        """Whether all that was asked for is identified, from a log that is no wreck."""
-        spoilt = any(f.kind == "many outliers" for f in self.findings)
-        return not spoilt and all(self.parameters[name].known for name in self.asked)
+        """Whether all that was asked for is identified, from logs that are no wreck."""
+        return all(f.severity != "no" for f in self.findings)
 
     @property
     def refusal(self) -> str:
@@ -219,7 +218,7 @@ class ActuatorIdentification(Answer):
         if self.given is None:
             raise NoAnswerError("No vehicle was given to put the identified numbers into.")
         for finding in self.findings:
-            if finding.kind == "many outliers":
+            if finding.severity == "no" and finding.kind != "not identifiable":
                 raise NoAnswerError(finding.sentence)
         actuator, changed = self._actuator(self.given)
         if not changed:

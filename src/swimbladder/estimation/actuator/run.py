@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 from threadpoolctl import threadpool_limits
 
@@ -20,6 +21,7 @@ from swimbladder.estimation.actuator.result import (
 from swimbladder.estimation.actuator.voltage import (
     SoftStart,
     VoltageFit,
+    between_samples,
     by_direction,
     covariance_of,
     fit_voltage,
@@ -28,6 +30,7 @@ from swimbladder.estimation.actuator.voltage import (
     steps_of,
 )
 from swimbladder.estimation.estimates import (
+    Z95,
     Estimate,
     Finding,
     Severity,
@@ -43,6 +46,8 @@ from swimbladder.vehicle import Vehicle
 
 _WIDE = 1.5  # times, by which an interval is wider
 _SEVERAL = 0.02  # differences, trends and shares that are worth a sentence
+_BETWEEN = 2.0  # times, by which it is wider where the ends of moves are not known to a sample
+_INCONSISTENT = 0.25  # those after which there is no one number
 
 
 def of_voltage(
@@ -56,7 +61,7 @@ def of_voltage(
         yield Finding.of("actuator", "start", early=int(problem.early.sum()))
     if spread.significant:
         severity: Severity = "warning" if spread.likely > _SEVERAL else "note"
-        yield Finding.of("actuator", "gains differ", severity, share=spread.likely)
+        yield _unless(spread.likely, "gains differ", severity, share=spread.likely)
     elif fit.widened >= _WIDE:
         few = "No step was" if fit.repeats < 1 else "Few steps were"
         yield Finding.of("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
@@ -86,11 +91,20 @@ def of_moves(fits: Sequence[MovesFit], samples: int) -> Iterator[Finding]:
         yield Finding.of("actuator", "ramp", ways=ways, length=length)
     between = max(fit.between for fit in fits)
     if between > 0.25 * _SEVERAL:
-        yield Finding.of("actuator", "moves differ", between=between)
+        yield _unless(between, "moves differ", between=between)
     change = max((fit.trend * fit.lasting for fit in fits), key=abs)
     if abs(change) > _SEVERAL:
         word = "gains" if change > 0.0 else "loses"
-        yield Finding.of("actuator", "load", word=word, change=abs(change))
+        yield _unless(abs(change), "load", word=word, change=abs(change))
+
+
+def _unless(share: float, key: str, otherwise: Severity = "note", /, **values: Any) -> Finding:
+    """Return a finding on a share by which speeds differ; a large one is no actuator's."""
+    found = Finding.of("actuator", key, otherwise, **values)
+    if share <= _INCONSISTENT:
+        return found
+    text = f"{found.sentence} {sentence('actuator', 'inconsistent')}"
+    return found._replace(severity="no", sentence=text)
 
 
 def logs_differ(
@@ -105,7 +119,7 @@ def logs_differ(
         ranges.append(f"{name} from {shown(low, known[0].unit)} to {shown(high, known[0].unit)}")
     if ranges:
         severity: Severity = "warning" if most > _SEVERAL else "note"
-        yield Finding.of("actuator", "logs differ", severity, ranges=", ".join(ranges))
+        yield _unless(0.25 * most, "logs differ", severity, ranges=", ".join(ranges))
 
 
 _DIFFERENT = 0.01  # probability below which logs are said to differ
@@ -172,8 +186,8 @@ def identify_actuator(
             _voltage(benches, fixed, advance) if driven == "voltage" else _moves(benches, advance)
         )
     found = found._replace(
-        parameters={n: _settled(n, e) for n, e in found.parameters.items()},
-        derived={n: _settled(n, e) for n, e in found.derived.items()},
+        parameters={n: _settled(n, e, found) for n, e in found.parameters.items()},
+        derived={n: _settled(n, e, found) for n, e in found.derived.items()},
     )
     missing = [(n, found.parameters[n].why) for n in required if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
@@ -186,7 +200,11 @@ def identify_actuator(
     found = found._replace(
         parameters={called(name): e for name, e in found.parameters.items()},
         covariance={
-            called(a): {called(b): x for b, x in found.covariance[a].items() if b in known}
+            called(a): {
+                called(b): max(x, found.parameters[a].std ** 2) if a == b else x
+                for b, x in found.covariance[a].items()
+                if b in known
+            }
             for a in known
         },
         findings=(*found.findings, *refused),
@@ -199,14 +217,23 @@ def identify_actuator(
         assumptions=tuple(sentence("actuator", driven).split("\n")),
         notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
         given=vehicle,
-        **found._asdict(),
+        **{n: x for n, x in found._asdict().items() if n not in ("clock", "wider")},
     )
 
 
-def _settled(name: str, e: Estimate) -> Estimate:
-    """Return an estimate, or its interval alone where that has no end to a side."""
-    limits = (0.0 if name.startswith(LOGARITHMIC) else -math.inf, math.inf)
-    why = undetermined(e, limits) if e.origin == "data" else ""
+_CLOSEST = 1e-4  # of a value that is positive: no log knows it better
+
+
+def _settled(name: str, e: Estimate, found: "_Found") -> Estimate:
+    """Return an estimate with what no log knows better, or only its interval if it has no end."""
+    if e.origin != "data":
+        return e
+    positive = name.startswith(LOGARITHMIC)
+    least = math.hypot(_CLOSEST * e.value * positive, found.clock * name.startswith("T1"))
+    ends = [found.wider * (e.value - end) for end in e.ci95]
+    low, high = (math.hypot(end, Z95 * least) for end in ends)
+    e = replace(e, std=math.hypot(found.wider * e.std, least), ci95=(e.value - low, e.value + high))
+    why = undetermined(e, (0.0 if positive else -math.inf, math.inf))
     return Estimate.bounded(*e.ci95, e.unit, why) if why else e
 
 
@@ -220,6 +247,8 @@ class _Found(NamedTuple):
     noise: float
     logs: tuple[LogFit, ...]
     steps: tuple[Step, ...]
+    clock: float  # s, 1 sigma of the instants in the logs
+    wider: float = 1.0  # times, that intervals are than those of the fit
 
 
 def _one_kind(benches: Sequence[Bench]) -> Driven:
@@ -242,23 +271,34 @@ def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Adva
     unit = benches[0].unit
     share = 1.0 / (len(benches) + 1)
     fit = fit_voltage(benches, fixed)
+    led = between_samples(fit)
+    taken = led or benches
+    if led:
+        fit = fit_voltage(led, fixed)
     parameters = from_voltage(fit, fixed, unit)
     advance(share)
     alone: list[LogFit] = []
-    for one in benches:
+    for one in taken:
         single = LogFit(one.source, parameters)
         alone.append(single if len(benches) == 1 else _alone(one, fixed))
         advance(share)
-    soft = soft_start(fit) if parameters["T1"].known else None
+    T1 = parameters["T1"]
+    soft = soft_start(fit) if T1.origin == "data" else None
     findings = [*of_voltage(fit, parameters, soft)]
+    if led:
+        findings.append(Finding.of("actuator", "between samples"))
+    if soft is not None:
+        why = sentence("actuator", "soft start", "why")
+        parameters["T1"] = Estimate.bounded(0.0, T1.ci95[1], "s", why)
     per_log = [f.parameters for f in alone if f.parameters]
     mean, chance = together(per_log) if len(per_log) > 1 else ({}, {})
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
     findings += logs_differ(apart, per_log)
     covariance, derived = covariance_of(fit, parameters), by_direction(fit, parameters, unit)
-    said, logs = tuple(findings), tuple(alone)
-    return _Found(parameters, said, covariance, derived, fit.noise, logs, steps_of(fit))
+    said, logs, steps = tuple(findings), tuple(alone), steps_of(fit, benches)
+    more = taken[0].clock, _BETWEEN if led else 1.0
+    return _Found(parameters, said, covariance, derived, fit.noise, logs, steps, *more)
 
 
 def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
@@ -294,4 +334,5 @@ def _moves(benches: Sequence[Bench], advance: Advance) -> _Found:
     covariance = {name: {name: parameters[name].std ** 2} for name in known}
     noise = max(fit.noise for fit in fits if not math.isnan(fit.noise))
     steps = tuple(step for fit in fits for step in fit.steps)
-    return _Found(parameters, tuple(findings), covariance, derived, noise, logs, steps)
+    clock = benches[0].clock
+    return _Found(parameters, tuple(findings), covariance, derived, noise, logs, steps, clock)

@@ -298,7 +298,8 @@ _SLOWEST = 1e6  # times the fitted one: as good as a double integrator
 def profile_of_T1(fit: VoltageFit) -> Estimate:
     """Return T1 [s] with the interval in which its deviance stays below that of 95 %.
 
-    Where a T1 of nothing is as likely, an upper bound is returned and no value.
+    Where a T1 of nothing is as likely, an upper bound is returned and no value. One shorter than
+    the time between samples may be longer by as much: voltages may change before they are logged.
     """
     at = fit.problem.free.index("T1")
     best, std = float(fit.q[at]), math.sqrt(float(fit.covariance[at, at])) or 0.3
@@ -331,16 +332,20 @@ def profile_of_T1(fit: VoltageFit) -> Estimate:
     shortest = math.log(_FASTEST * step)
     nothing = root(shortest)
     if nothing < Z95:
-        bound = end(max(best, shortest), max(std, 0.3), _ONE_SIDED, nothing)
+        bound = step + end(max(best, shortest), max(std, 0.3), _ONE_SIDED, nothing)
         why = f"T1 is shorter than samples every {step:.3g} s resolve: below {bound:.3g} s with a "
         why += "confidence of 95 %"
         return Estimate.bounded(0.0, bound, "s", why)
-    value, ends = math.exp(best), (end(best, -std, Z95), end(best, std, Z95))
-    return replace(Estimate.of(value, value * std, "s"), ci95=ends)
+    value, low, high = math.exp(best), end(best, -std, Z95), end(best, std, Z95)
+    late = step if value < step else 0.0
+    found = Estimate.of(value, math.hypot(value * std, late / math.sqrt(12.0)), "s")
+    return replace(found, ci95=(low, high + late))
 
 
 _RAMPS = (0.3, 0.6, 1.0, 1.5, 2.0, 3.0)  # of the fitted T1: a ramp to the largest voltage
 _SEEN = 15.0  # deviance by which it has to be better, of one parameter more and six trials
+_LEADS = (0.25, 0.5, 0.75)  # of the time between samples, by which voltages change earlier
+_LED = 4.0  # deviance by which that has to be better: a wider interval of T1 is all it costs
 
 
 class SoftStart(NamedTuple):
@@ -352,26 +357,49 @@ class SoftStart(NamedTuple):
 
 def soft_start(fit: VoltageFit) -> SoftStart | None:
     """Return the soft start that makes the fit by far the likelier, None where there is none."""
-    problem = fit.problem
     if "T1" not in named(fit):
         return None
-    values = fit.values
-    n = int(problem.used.sum())
-
-    def deviance(problem: Problem, q: Array) -> float:
-        return n * math.log(max(float(np.sum(problem.white(q) ** 2)), 1e-300))
-
-    best, found = deviance(problem, fit.q) - _SEEN, None
-    for share in _RAMPS:
-        ramp = share * values["T1"]
+    problem, T1 = fit.problem, fit.values["T1"]
+    best, found = _deviance(problem, fit.q) - _SEEN, None
+    for ramp in (share * T1 for share in _RAMPS):
         slow = [slewed(b, problem.top / ramp) for b in problem.benches]
-        other = problem.changed(problem.free, slow)
-        guess = {**values, "T1": max(values["T1"] - 0.4 * ramp, 0.1 * values["T1"])}
-        q = solve(other, other.turned(guess))
-        left = deviance(other, q)
+        left, shorter = _driven_by(slow, fit, max(T1 - 0.4 * ramp, 0.1 * T1))
         if left < best:
-            best, found = left, SoftStart(ramp, other.values(q)["T1"])
+            best, found = left, SoftStart(ramp, shorter)
     return found
+
+
+def between_samples(fit: VoltageFit) -> list[Bench] | None:
+    """Return the benches with voltages that change between samples, where that is far likelier."""
+    problem, T1 = fit.problem, fit.values["T1"]
+    if "T1" not in problem.free:
+        return None
+    best, found = _deviance(problem, fit.q) - _LED, None
+    for share in _LEADS:
+        led = [_earlier(b, share) for b in problem.benches]
+        left, _ = _driven_by(led, fit, T1 + share * led[0].step)
+        if left < best:
+            best, found = left, led
+    return found
+
+
+def _earlier(bench: Bench, share: float) -> Bench:
+    """Return the bench with the means of voltages that change that much of a sample earlier."""
+    u = bench.volts
+    mean = np.append((1.0 - share) * u[:-1] + share * u[1:], u[-1])
+    return replace(bench, voltage=mean, clock=bench.step / math.sqrt(12.0))
+
+
+def _deviance(problem: Problem, q: Array) -> float:
+    left = float(np.sum(problem.white(q) ** 2))
+    return int(problem.used.sum()) * math.log(max(left, 1e-300))
+
+
+def _driven_by(benches: Sequence[Bench], fit: VoltageFit, T1: float) -> tuple[float, float]:
+    """Return deviance and T1 [s] of the fit with the voltages of `benches`, from a T1 on."""
+    other = fit.problem.changed(fit.problem.free, benches)
+    q = solve(other, other.turned({**fit.values, "T1": T1}))
+    return _deviance(other, q), other.values(q)["T1"]
 
 
 def slewed(bench: Bench, most: float) -> Bench:
@@ -482,13 +510,13 @@ def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict
     }
 
 
-def steps_of(fit: VoltageFit) -> tuple[Step, ...]:
-    """Return what was fitted, block by block."""
+def steps_of(fit: VoltageFit, logged: Sequence[Bench]) -> tuple[Step, ...]:
+    """Return what was fitted, block by block, with the voltages that were logged."""
     found, problem = [], fit.problem
     alike = 0.02 * problem.top
     for k, block in enumerate(problem.blocks):
         own = problem.block == k
-        bench = problem.benches[block.log]
+        bench = logged[block.log]
         u, x = bench.volts[block.samples], bench.position[block.samples]
         sizes = u[np.abs(u) > alike]
         low, high = (float(sizes.min()), float(sizes.max())) if len(sizes) else (0.0, 0.0)

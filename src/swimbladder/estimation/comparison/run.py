@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -29,7 +29,9 @@ from swimbladder.estimation.estimates import (
     check_names,
     claims_too_much,
     impossible_mass,
+    impossible_psi,
     sentence,
+    undetermined,
 )
 from swimbladder.estimation.series import rms, white_noise
 from swimbladder.io.answers import Answer, as_json
@@ -269,7 +271,8 @@ class Outcome(NamedTuple):
     vehicle: Vehicle
     start: Start
     fitted: dict[str, Fitted]
-    ends: tuple[str, ...] = ()  # names of what is at the end of what a vehicle can have
+    why: Mapping[str, str] = {}  # what has no std is not identifiable
+    ends: Set[str] = frozenset()  # what is at the end of what a vehicle can have
 
 
 def default_names(rec: Record) -> tuple[str, ...]:
@@ -315,33 +318,45 @@ def adjust(
             break
     residual = problem.residual(q, whole)
     spread = _spread(problem, q, residual, whole) * problem.scale
-    at_limit = problem.at_limit(q)
-    possible = (problem.most - problem.least) * problem.scale
-    misfit = rms(residual) / _noise(rec)
-    bent = [claims_too_much(*pair, misfit) for pair in zip(spread, possible, strict=True)]
-    spread[at_limit | bent | ~(spread < possible)] = np.nan
-    values = q * problem.scale
-    fitted = {
-        name: Fitted(value, std if np.isfinite(std) else None, FITTABLE[name].unit)
-        for name, value, std in zip(names, values.tolist(), spread.tolist(), strict=True)
-    }
-    ends = tuple(n for n, end in zip(names, at_limit.tolist(), strict=True) if end)
-    return Outcome(*_apply(names, values, vehicle, first), fitted, ends)
+    values, misfit = q * problem.scale, rms(residual) / _noise(rec)
+    ends, fitted, why = problem.at_limit(q), {}, {}
+    limits = np.stack([problem.least, problem.most], axis=1) * problem.scale[:, None]
+    for i, (name, value, std) in enumerate(
+        zip(names, values.tolist(), spread.tolist(), strict=True)
+    ):
+        low, high = limits[i].tolist()
+        if ends[i]:
+            why[name] = sentence("compare", "undetermined", "end")
+        elif claims_too_much(std, high - low, misfit):
+            why[name] = sentence("undetermined", "claims", times=misfit)
+        else:
+            e = Estimate.of(value, std, FITTABLE[name].unit)
+            if name == "drag_quadratic" or (name == "drag" and vehicle.drag.k_dt > 0.0):
+                low = -math.inf  # of either there may be none
+            why[name] = undetermined(e, (low, high), misfit)
+        fitted[name] = Fitted(value, None if why[name] else std, FITTABLE[name].unit)
+    at_end = {name for name, end in zip(names, ends.tolist(), strict=True) if end}
+    return Outcome(*_apply(names, values, vehicle, first), fitted, why, at_end)
 
 
-def _no_estimates(outcome: Outcome, *, asked: bool) -> Iterator[Finding]:
-    """Yield which fitted numbers no hull can have, or a log does not determine though `asked`."""
+def _no_estimates(outcome: Outcome, *, asked: bool, uniform: bool) -> Iterator[Finding]:
+    """Yield which fitted numbers cannot be, or a log does not determine though `asked`.
+
+    uniform: whether no cast says how the water's density goes with depth.
+    """
     vehicle = outcome.vehicle
     for name, found in outcome.fitted.items():
         end = name in outcome.ends
         none = end and name == "drag_quadratic"  # without it the log is explained best
         if found.std is None and (asked or end) and not none:
-            why = sentence("compare", "undetermined", "end" if end else "wide")
-            yield Finding.of("compare", "undetermined", name=name, why=why)
-        elif name == "mass" and found.std is not None:
-            mass = Estimate.of(found.value, found.std, "kg")
-            weight = vehicle.water.specific_weight * vehicle.hull.displaced_volume
-            yield from impossible_mass(mass, weight, None)
+            yield Finding.of("compare", "undetermined", name=name, why=outcome.why[name])
+        elif found.std is not None:
+            e = Estimate.of(found.value, found.std, found.unit)
+            heavy, displaced = vehicle.water.specific_weight, vehicle.hull.displaced_volume
+            if name == "mass":
+                yield from impossible_mass(e, heavy * displaced, None)
+            elif name == "psi" and uniform:
+                yield from impossible_psi(e, heavy, displaced)
 
 
 class _Problem:
@@ -633,7 +648,7 @@ def compare(
     logged = rec.volume if rec.drive != "volume" else None
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
-    findings = [*_no_estimates(outcome, asked=free is not None)]
+    findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
     by = rec.volume if rec.drive == "volume" else None
     if by is not None and (wrong := misread(rec.time, rec.depth, by, rec.compared, vehicle)):
         if explained < _HALF:  # what follows from it need not be said

@@ -19,6 +19,7 @@ from swimbladder.estimation.estimates import (
     Prior,
     Severity,
     impossible_mass,
+    impossible_psi,
     sentence,
     too_many,
     undetermined,
@@ -378,8 +379,6 @@ def _remedy(names: list[str], problem: Problem) -> str:
 _SURE = 3.0  # standard deviations
 _TOO_LATE = 4.0  # standard deviations of what was stated
 _BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
-_GRAVITY = 9.80665  # m/s2
-_STEEPEST = 0.5  # kg/m3 that water is denser a metre down, where no cast says so
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
 _UNSEEN = 0.999  # of the prior's variance, above which a log says nothing of its drift
@@ -567,11 +566,7 @@ def possible(
     yield from impossible_mass(m, model.specific_weight * model.displaced, dry_mass)
     asked = "psi" in problem.names and "psi" not in problem.priors
     if asked and not any(len(e.record.layers.table) for e in problem.experiments):
-        per = -model.specific_weight / _GRAVITY / model.displaced  # kg/m4 over m3/m
-        psi = parameters["psi"]
-        if per * psi.ci95[1] > _STEEPEST:
-            gradient = per * psi.value
-            yield Finding.of("motion", "stratified", psi=psi.value, gradient=gradient)
+        yield from impossible_psi(parameters["psi"], model.specific_weight, model.displaced)
 
 
 def sinks_as_it_grows(problem: Problem) -> Iterator[Finding]:
