@@ -51,8 +51,8 @@ class Block:
 
     plants [len(Plant), lanes] start at (q, V, z, w) [4, lanes]; of a stepper, those of
     `dynamics.body_plant`. parameters: of the law by name, each a number or an array [lanes]; then
-    the law's own, for their types. seeds: of the sensors' noise, one for each lane; None: ideal
-    sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
+    the law's own, for their types. seeds: of the sensors' noise, one for each lane that
+    counts; None: ideal sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
     """
 
     plants: Array
@@ -73,6 +73,7 @@ class Block:
     hooks: Any = ()  # what stands between the parts of the loop, see `lane`
     watch: Supervision | tuple[()] = ()  # the supervisor over the law of each lane
     stepper: Pumped | None = None  # what moves the lanes, if not their modes' exponentials
+    live: int | None = None  # the first so many lanes count; None: all
     loses: bool = False  # whether the vehicle gets heavier, by the rows from LOST on, see `lane`
     lanes: int = field(init=False)
     work: Array = field(init=False)  # [rows, lanes]
@@ -153,7 +154,7 @@ class Block:
             running.advance(first, last, noise)
             if ask is None or last % _SHOWN == 0 or last > self.clock.ticks:
                 report(last / (self.clock.ticks + 1))
-            if bool(np.all(self.work[Row.STOPPED] != 0.0)):
+            if bool(np.all(self.work[Row.STOPPED, : self.live] != 0.0)):
                 break
 
     def _spans(self, most: int) -> Iterator[tuple[int, int]]:
@@ -184,7 +185,7 @@ class Block:
             return np.zeros((last - first, 2, self.lanes))
         begin = first - first % _CHUNK  # no span goes over the end of a chunk
         if self._drawn is None or self._drawn[0] != begin:
-            drawn = np.empty((min(_CHUNK, self.clock.ticks + 1 - begin), 2, self.lanes))
+            drawn = np.zeros((min(_CHUNK, self.clock.ticks + 1 - begin), 2, self.lanes))
             for i, generator in enumerate(self.noise):
                 drawn[:, :, i] = generator.standard_normal(drawn.shape[:2])
             self._drawn = begin, drawn
@@ -217,6 +218,7 @@ class Running:
         self.lanes = Lanes(
             S=block.work.reshape(-1),
             token=(0.0,) * block.lanes,
+            live=block.live or block.lanes,
             # one vehicle: one kernel for all drags; a block: one without what laminar drag lacks
             bend=(0.0,) if block.nonlinear or block.lanes == 1 else (),
             sea=(0.0,) if block.loses else (),

@@ -393,14 +393,14 @@ class _Run:
             own["stepper"], own["start"] = self.model.lanes(
                 values, own["plants"], own["start"], rates=own.pop("rates")
             )
-        seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes]
+        kept = min(self.together, count - first)
+        seeds = None if self.seed is None else [[self.seed, int(i)] for i in lanes[:kept]]
         watch = self.watch.over(self.together) if self.watch else ()
-        block = self.lay_out(parameters=values, seeds=seeds, watch=watch, **own)
+        block = self.lay_out(parameters=values, seeds=seeds, watch=watch, live=kept, **own)
         if not hasattr(self.room, "chains"):
             self.room.chains = work_space(self.together)
         block.run(chains=self.room.chains)
         accounts = block.accounts if block.stepper is None else block.stepper.accounts
-        kept = min(self.together, count - first)
         chosen = [RECORDED.index(name) for name in _TRAJECTORIES]
         rows = block.work[: Row.STEP, :kept].copy()
         alarms = watch.alarms[:kept].T if watch else np.zeros((2, kept))

@@ -252,6 +252,7 @@ class Lanes(NamedTuple):
 
     S: Array  # rows x lanes, flat
     token: tuple[float, ...]  # as many as lanes: their number, known to the compiler
+    live: int  # the first so many lanes count, the others only fill the block up
     bend: tuple[float, ...]  # empty where drag is laminar
     sea: tuple[float, ...]  # empty where nothing is lost, see `hooks.lose`
     layers: Any  # of the water, of all lanes; in layers every lane is taken by engine.advance
@@ -282,6 +283,12 @@ class Room(NamedTuple):
     x: Array
     y: Array
     chains: Array  # of each lane
+
+
+@inlined
+def counted(lanes: Lanes) -> int:
+    """Return how many lanes count."""
+    return lanes.live if len(lanes.token) > 1 else 1
 
 
 @inlined

@@ -23,6 +23,7 @@ from swimbladder.sim.closed_loop.lane import (
     Row,
     begin,
     commit,
+    counted,
     decide,
     judge,
     load_plant,
@@ -95,7 +96,8 @@ def _tick(lanes: Lanes, law: Like, k: int, since: float, tick: float) -> int:
     S, W_, sea = lanes.S, len(lanes.token), lanes.sea
     troubled = 0
     wide()  # type: ignore[call-arg]
-    for i in range(W_):
+    # what is known to the compiler is taken in vectors; a supervisor is not
+    for i in range(W_ if len(law.watch) == 0 else counted(lanes)):
         judge(S, W_, i, since)
         u = decide(S, W_, i, (), law, k, tick)
         (q1, v1, z1, w1), ok = step_lane(S, W_, i, u, tick, len(lanes.bend) > 0)
@@ -113,7 +115,7 @@ def _together(
 ) -> None:
     """Move every lane by a whole tick; not compiled for one: its token is an argument for that."""
     if len(token) > 1 and _tick(lanes, law, k, since, tick) > 0:
-        for i in range(len(token)):
+        for i in range(counted(lanes)):
             if lanes.S[Row.TROUBLE * len(token) + i] != 0.0:
                 _take_slowly(lanes, room, i, k, k * tick, tick)
 
@@ -154,7 +156,7 @@ def run_block(
     noise [ticks of this call, 2, lanes] standard normal, or empty.
     chains: see `advance.ModeLane`, of each lane; None with a stepper.
     """
-    S, W_, record = lanes.S, len(lanes.token), lanes.record
+    S, W_, record, live = lanes.S, len(lanes.token), lanes.record, counted(lanes)
     tick, turn, given = clock.tick, clock.turn, clock.given
     first, last = span
     h = tick / lanes.parts
@@ -195,7 +197,7 @@ def run_block(
         if W_ > 1 and whole and k < turn.shape[0] - 1:
             _together(lanes.token, lanes, room, law, k, since, tick)
             continue
-        for i in range(W_):
+        for i in range(live):
             judge(S, W_, i, since)
             decide(S, W_, i, hooks, law, k, tick)
         if record.shape[1] > 0:
@@ -203,7 +205,7 @@ def run_block(
         if k == turn.shape[0] - 1:
             break
         for n in range(lanes.parts):
-            for i in range(W_):
+            for i in range(live):
                 bent = len(lanes.bend) > 0 and S[(Row.PLANT + modes.EPSILON) * W_ + i] < np.inf
                 if not booked:
                     after, ok = step_lane(S, W_, i, S[Row.APPLIED * W_ + i], h, bent)
@@ -282,7 +284,7 @@ def _take_slowly(lanes: Lanes, room: Room, i: int, k: int, t: float, h: float) -
 def _record(lanes: Lanes, law: Like, k: int) -> None:
     S, W_, record = lanes.S, len(lanes.token), lanes.record
     reference = Row.LAW + extent(law.parameters) + law.volume_row
-    for i in range(W_):
+    for i in range(counted(lanes)):
         record[0, k, i] = S[Row.Z * W_ + i]
         record[1, k, i] = S[Row.W * W_ + i]
         record[2, k, i] = S[Row.V * W_ + i] + S[Row.LOST * W_ + i]

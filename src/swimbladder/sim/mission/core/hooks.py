@@ -365,6 +365,7 @@ def fly(
     lanes = Lanes(
         S=work,
         token=(0.0,),
+        live=1,
         bend=(),
         sea=(),
         layers=NO_LAYERS,
