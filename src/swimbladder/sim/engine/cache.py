@@ -253,6 +253,13 @@ _Tuple: Any = types.NamedTuple
 _Tuple.mangling_args = property(_short_name)
 
 
+# Flags are compared at each call that is typed; numba asks for each of them by its name, which
+# takes 5 % of the time of a first run.
+_Flags: Any = compiler.Flags
+_SET_OUT = {name: option.default for name, option in _Flags.options.items()}
+_Flags.values = lambda flags: _SET_OUT | flags._values
+
+
 # Of what is compiled for the types that a kernel has for it, see numba.extending.overload.
 OVERLOADED: Any = {"forceinline": True, "pipeline_class": _IntoPart}
 
