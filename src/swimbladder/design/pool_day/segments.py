@@ -18,7 +18,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial.polynomial import polyfit, polyval
+from scipy.ndimage import median_filter
 
+from swimbladder.estimation.series import stretches
 from swimbladder.physics.arrays import Array
 
 _SURE = 4.0  # standard errors of a trend that is one
@@ -69,11 +71,8 @@ def _stands(volume: Array, limit: float) -> list[tuple[int, int]]:
     if len(volume) < width:
         return []
     near = np.lib.stride_tricks.sliding_window_view(volume, width)
-    quiet = np.zeros(len(volume) + 2, dtype=np.int8)
-    quiet[1 + _HALF : 1 + _HALF + len(near)] = np.ptp(near, axis=-1) <= limit
-    edges = np.flatnonzero(np.diff(quiet))
     found: list[tuple[int, int]] = []
-    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+    for first, last in stretches(np.pad(np.ptp(near, axis=-1) <= limit, _HALF)):
         if found:
             first = max(first, found[-1][1])
         if last - first < width:
@@ -606,8 +605,7 @@ class Segmenter:
         """Give a glide the time when the volume left, and the minute before; drop what is older."""
         assert g.volume is not None
         rows, change = self._window.rows, g.volume - g.rest.neutral
-        padded = np.pad(rows[:, VOLUME], 1, mode="edge")  # medians of three: no single fault
-        volume = np.median(np.lib.stride_tricks.sliding_window_view(padded, 3), axis=-1)
+        volume = median_filter(rows[:, VOLUME], 3, mode="nearest")  # no single fault
         away = math.copysign(1.0, change) * (volume - g.rest.neutral)
         half = np.flatnonzero(away <= 0.5 * abs(change))
         at = int(half[-1]) if len(half) else 0

@@ -51,8 +51,8 @@ class Block:
 
     plants [len(Plant), lanes] start at (q, V, z, w) [4, lanes]; of a stepper, those of
     `dynamics.body_plant`. parameters: of the law by name, each a number or an array [lanes]; then
-    the law's own, for their types. seeds: of the sensors' noise, one for each lane that
-    counts; None: ideal sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
+    the law's own, for their types. seeds: of the sensors' noise, one for each lane that counts;
+    None: ideal sensors. recorded, booked, logged: whether what they name is kept, beyond summaries.
     """
 
     plants: Array
