@@ -12,6 +12,7 @@ from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.comparison import compare
 from swimbladder.estimation.comparison.record import DRIVES, record
 from swimbladder.estimation.comparison.run import FITTABLE, stages
+from swimbladder.estimation.estimates import DRIFT_STD
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log, read_log
 from swimbladder.sim.closed_loop import drive
@@ -126,17 +127,17 @@ def test_a_fit_from_far_off_recovers_what_made_the_log(float_vehicle, voyage):
 
 
 @pytest.mark.prove
-def test_the_stated_deviation_is_the_one_that_noise_causes(float_vehicle, voyage):
+def test_the_stated_deviation_is_the_one_that_noise_and_drift_cause(float_vehicle, voyage):
     names = ("neutral_volume", "start_depth", "start_speed")
     random = np.random.default_rng(11)
-    found = [
-        compare(
-            replace(voyage, depth=voyage.depth + 0.005 * random.normal(size=300)),
-            float_vehicle,
-            free=names,
-        ).fitted
-        for _ in range(30)
-    ]
+    since = voyage.time - 1000.0
+
+    def drawn():
+        volume = voyage.volume - DRIFT_STD * random.normal() * since
+        depth = sail(float_vehicle, since, volume, 0.8, 0.01) + 0.005 * random.normal(size=300)
+        return compare(replace(voyage, depth=depth), float_vehicle, free=names).fitted
+
+    found = [drawn() for _ in range(30)]
     for name in names:
         values = np.array([f[name].value for f in found])
         stated = np.mean([f[name].std for f in found])

@@ -25,7 +25,8 @@ FEUP = load_vehicle("feup-em")
 def found(volume, **others):
     volume = np.asarray(volume, float)
     settings = {"rate": RATE, "stroke": STROKE} | others
-    return np.flatnonzero(drive_outliers(TICK * np.arange(len(volume)), volume, **settings))
+    off, single = drive_outliers(TICK * np.arange(len(volume)), volume, **settings)
+    return np.flatnonzero(off | single)
 
 
 def moves(*targets, hold=40):
@@ -179,4 +180,4 @@ def test_measured_pistons_have_none(data_dir: Path):
         volume = vehicle.piston_area * log["piston_position_m"].to_numpy(float)
         known = np.isfinite(volume)
         time = log["t_s"].to_numpy(float)[known]
-        assert not drive_outliers(time, volume[known], rate=rate, stroke=stroke).any()
+        assert not np.any(drive_outliers(time, volume[known], rate=rate, stroke=stroke))

@@ -31,24 +31,26 @@ def drive_outliers(
     *,
     rate: float,
     stroke: float,
-) -> Flags:
-    """Return which samples of a volume [m3] at times [s] the actuator cannot have been at.
+) -> tuple[Flags, Flags]:
+    """Return which samples of a volume [m3] at times [s] the actuator cannot have been at, and
+    which are single ones far off the others that it can: a spike, or a kick of the control law.
 
     gaps: (time before, time after) [s] without samples. rate: of the vehicle's actuator at its
     fastest [m3/s]; the log's own counts where it is higher. stroke: largest less smallest volume
     [m3].
     """
     off = np.zeros(len(volume), dtype=bool)
+    single = off.copy()
     if len(volume) <= LONGEST:
-        return off
+        return off, single
     steps, span = np.diff(volume), np.diff(time)
     fastest = _MARGIN * max(_kept_up(steps / span), rate)
     least = max(_FAR * white_noise(time, volume), _COARSE * stroke)
     if (np.abs(steps) > least + fastest * span).any():
         off = np.asarray(~_kept(time, volume, fastest, least))
     alone = spikes("volume_m3", volume[~off], time[~off], gaps)
-    off[np.flatnonzero(~off)[alone]] = True
-    return off
+    single[np.flatnonzero(~off)[alone]] = True
+    return off, single
 
 
 def filled(time: Array, volume: Array, off: Flags) -> Array:

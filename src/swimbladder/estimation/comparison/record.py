@@ -112,6 +112,7 @@ class Record:
     volume: Array | None = None  # m3
     volume_absolute: bool = False
     quantum: float = 0.0  # m3, of the volume as logged; 0: none that is seen
+    uncertain: Array | None = None  # m3, by how much volumes were changed that may have been right
     voltage: Array | None = None  # V
     warmth: Array | None = None  # K, as logged, above the first sample's; None: not logged
     gain: float = 0.0  # m3/K of the hull's, which is in the volume
@@ -173,10 +174,11 @@ def record(
     notes = list(log.report)
     chosen = drive or _first_drive(log, vehicle)
     series = _driving(log, vehicle, chosen)
-    step = 0.0
+    step, uncertain = 0.0, np.zeros(len(log))
+    as_logged = log.time
     if chosen == "volume":
         step = quantum(series[np.isfinite(series)])
-        log = _mended(log, vehicle, notes)
+        log, uncertain = _mended(log, vehicle, notes)
         series = _driving(log, vehicle, chosen)
     layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
@@ -242,6 +244,7 @@ def record(
         volume=volume,
         volume_absolute=absolute,
         quantum=step * _per(log, vehicle),
+        uncertain=uncertain[np.isin(as_logged, log.time)],
         voltage=log.voltage,
         warmth=_warmth(log),
         setpoints=() if reference is None else _changes(time, reference),
@@ -261,8 +264,9 @@ def _per(log: Log, vehicle: Vehicle) -> float:
     return 1.0 if log.volume is not None else vehicle.piston_area or 1.0
 
 
-def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
-    """Return the log with a volume, or piston, where some of it cannot be or short holes are.
+def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> tuple[Log, Array]:
+    """Return the log with a volume, or piston, where some of it cannot be or short holes are, and
+    by how much volumes have changed that may have been right [m3].
 
     Raises LogError where that are too many.
     """
@@ -273,22 +277,30 @@ def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> Log:
     rate, whole = p.rate if p.positioner else p.gain * p.supply, stroke.maximum - stroke.minimum
     off, hole = np.zeros(len(log), dtype=bool), np.zeros(len(log), dtype=bool)
     given = log.time[known], area * values[known], log.gaps
-    off[known] = drive_outliers(*given, rate=rate, stroke=whole)
+    single = off.copy()
+    off[known], single[known] = drive_outliers(*given, rate=rate, stroke=whole)
+    off |= single
     for first, after in stretches(~known):
         hole[first:after] = first > 0 and after < len(log) and after - first <= LONGEST
     beyond = f"a {name} that the actuator cannot reach from the samples beside"
     count, taken = int(off.sum()), "taken from those beside"
+    either = "a spike, or a kick of the control law: neither is relied on"
     if count > _OFF * known.sum():
         what = f"{count} of {int(known.sum())} samples have {beyond}"
         remedy = f"Check which column is the {name}, and how missing values are written in it"
         field, line = {"volume": "volume_m3", "piston": "piston_m"}[name], int(log.line[off][0])
         raise LogError(what, file=log.source, line=line, field=field, remedy=remedy)
-    if count:
-        lines = ", ".join(str(number) for number in log.line[off][:3]) + ", ..." * (count > 3)
-        notes.append(f"{count} samples with {beyond} them, on line {lines}: {taken}")
+    kick = f"single {name} far off those beside"
+    for which, what, done in ((off & ~single, beyond + " them", taken), (single, kick, either)):
+        if which.any():
+            lines = log.line[which].tolist()
+            said = ", ".join(map(str, lines[:3])) + ", ..." * (len(lines) > 3)
+            notes.append(f"{len(lines)} samples with {what}, on line {said}: {done}")
     if hole.any():
         notes.append(f"{int(hole.sum())} samples without {name}: {taken}")
-    return replace(log, **{name: filled(log.time, values, off | hole)})  # type: ignore[arg-type]
+    new = filled(log.time, values, off | hole)
+    changed = np.where(single, np.abs(area * (new - values)), 0.0)
+    return replace(log, **{name: new}), changed  # type: ignore[arg-type]
 
 
 def bad_depth(source: str, what: str, value: float, remedy: str) -> LogError:

@@ -377,7 +377,7 @@ def _remedy(names: list[str], problem: Problem) -> str:
 
 
 _SURE = 3.0  # standard deviations
-_TOO_LATE = 4.0  # standard deviations of what was stated
+_TOO_LATE = 3.2  # standard deviations of what was stated: so late is what a filter gave
 _BEYOND = 10.0  # standard deviations from what was stated: data or statement are wrong
 _FOLLOWED = 0.05  # of the depths' deviation: the residual where the model follows
 _MANY = 0.02  # share of the samples
@@ -511,15 +511,17 @@ def drifts(experiments: Sequence[ExperimentFit], said: str = "drift") -> Iterato
             yield Finding.of("motion", said, log=e.source, over=over, drift=e.drift.value)
 
 
-def late(delay: Estimate, known: float) -> Iterator[Finding]:
+def late(delay: Estimate, known: float, early: float = 0.0) -> Iterator[Finding]:
     """Yield where stamps of volumes are clearly late, or early; far beyond what is known, a no.
 
-    known: 1 sigma [s]. What is so late has mostly gone through a filter, which is another shape.
+    known: 1 sigma [s]; early: by how much volumes move early within their samples [1 sigma]. What
+    is so late has mostly gone through a filter, which is another shape.
     """
     if abs(delay.value) > _SURE * delay.std:
         by, how = abs(delay.value), "later" if delay.value > 0.0 else "earlier"
-        severity: Severity = "no" if by > _TOO_LATE * known else "note"
-        yield Finding.of("motion", "late volumes", severity, by=by, how=how, std=delay.std)
+        beyond = math.hypot(by, early * known) > _TOO_LATE * known
+        kind = "volumes too late" if beyond else "late volumes"
+        yield Finding.of("motion", kind, by=by, how=how, std=delay.std, known=known)
 
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:

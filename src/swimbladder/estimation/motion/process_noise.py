@@ -90,8 +90,8 @@ NO_NOISE: Mapping[str, float] = {
 }
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
-_EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `volume_errors.early_moves`
-_EARLY_STD = 0.8
+EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `volume_errors.early_moves`
+EARLY_STD = 0.8
 _HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
 _LAG = Quantity("hull_lag", False, 100.0, 50.0, (0.0, 100.0))  # s, time constant of the hull
 _LAG_STD = 200.0  # s
@@ -113,11 +113,11 @@ class Likelihood:
         self.model = problem.model
         self.priors = {"correlation_time": _CORRELATION_TIME, **problem.priors}
         self.priors[_DELAY.name] = Prior(0.0, problem.delay_std)
-        self.priors[_EARLY.name] = Prior(0.0, _EARLY_STD)
+        self.priors[EARLY.name] = Prior(0.0, EARLY_STD)
         self.priors[_HEAT.name] = Prior(0.0, problem.heat_std)
         lag = vehicle.hull.thermal_time_constant
         self.priors[_LAG.name] = Prior(lag, _LAG_STD)
-        none = {_DELAY.name: 0.0, _EARLY.name: 0.0, _HEAT.name: 0.0, _LAG.name: lag}
+        none = {_DELAY.name: 0.0, EARLY.name: 0.0, _HEAT.name: 0.0, _LAG.name: lag}
         self.quantities, self.values = tuple(quantities), {**none, **values}
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
@@ -181,7 +181,7 @@ class Likelihood:
         for i, stretch in enumerate(self.samples):
             record = self.records[self.record[i]]
             assert record.volume is not None  # it drives them
-            moved = record.volume + values[_EARLY.name] * self.early[self.record[i]]
+            moved = record.volume + values[EARLY.name] * self.early[self.record[i]]
             s, rows = self._late(stretch, record.time, moved, values[_DELAY.name])
             s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
             gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
@@ -568,20 +568,23 @@ class Highest(NamedTuple):
     @property
     def inexact(self) -> bool:
         """Whether what volumes may be off by clearly widens an interval, or moves a value."""
-        n, names = len(self.problem.names), [q.name for q in self.full.quantities]
-        exact = copy(self.full)
+        n, kept = len(self.problem.names), np.ones(len(self.x), bool)
+        exact, x = copy(self.full), self.x.copy()
         exact.samples = tuple(
             s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples
         )
-        hold = np.diag(self.full.prior_slope(self.x)[1])
-        less, more = (one.scores(self.x)[1] + hold for one in (self.full, exact))
-        moved, C = np.zeros(n), inverse_of(less)
-        if _EARLY.name in names:
-            at = names.index(_EARLY.name)
-            moved = C[:n, at] / C[at, at] * self.x[at]
-            more = np.delete(np.delete(more, at, 0), at, 1)
-        wide, narrow = (np.sqrt(np.diag(one)[:n]) for one in (C, inverse_of(more)))
-        return bool(((wide > _WIDER * narrow) | (np.abs(moved) > _MOVES * narrow)).any())
+        for i, q in enumerate(self.full.quantities):
+            if q == EARLY:
+                kept[i], x[i] = False, 0.0
+        hold = np.diag(self.full.prior_slope(x)[1])
+        wide = inverse_of(self.full.scores(self.x)[1] + hold)
+        scores, information = exact.scores(x)
+        known = (information + hold)[np.ix_(kept, kept)]
+        narrow = inverse_of(known)
+        slope = (scores.sum(axis=0) + self.full.prior_slope(x)[0])[kept]
+        step = np.linalg.solve(known + _LEAST_RIDGE * np.eye(len(slope)), slope)
+        less, more = (np.sqrt(np.diag(one)[:n]) for one in (narrow, wide))
+        return bool(((more > _WIDER * less) | (np.abs(step[:n]) > _MOVES * less)).any())
 
     def begin(self) -> Array:
         """Return where a fit without process noise begins: by the smoothed states of each record.
@@ -646,7 +649,7 @@ def raised(at: Highest, near: Array) -> Highest:
 
 def _nuisances(problem: Problem) -> list[Quantity]:
     """Return what all records have in common beside parameters and noise, where there is any."""
-    return [_DELAY, _EARLY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
+    return [_DELAY, EARLY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
 
 
 def fit_process_noise(

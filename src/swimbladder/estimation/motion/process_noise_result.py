@@ -27,6 +27,8 @@ from swimbladder.estimation.motion.diagnose import (
 )
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Problem
 from swimbladder.estimation.motion.process_noise import (
+    EARLY,
+    EARLY_STD,
     SIGNIFICANT,
     Height,
     ProcessNoiseFit,
@@ -88,7 +90,7 @@ def with_process_noise(
         *sinks_as_it_grows(problem),
         *_wanders(fit, problem),
         *contradicted,
-        *late(fit.delay, problem.delay_std),
+        *late(fit.delay, problem.delay_std, fit.values[EARLY.name] / EARLY_STD),
         *_recorded(problem, vehicle),
         _summary(fit),
     ]

@@ -1,5 +1,6 @@
 """What a recorded volume may be off by: its resolution, and what it did between two samples.
 
+A single volume far off those beside it may have been one, or not: it is off by all of that.
 A coarse recorder is off by the same while one value stands in the log, evenly within half a step.
 Between two samples a volume may go early or late: where it bends, the mean of a span is off by a
 share of the bend. And no volume is exact.
@@ -13,7 +14,6 @@ from swimbladder.physics.arrays import Array
 
 _EXACT = 2e-5  # of the stroke, 1 sigma of a sample of a volume
 _BEND = 0.12  # of the change of a volume's step, 1 sigma of the mean of a span
-
 _FIRST = 0.5  # of what it mostly is, 1 sigma of the first sample, whose neighbor is on one side
 
 
@@ -21,9 +21,8 @@ def volume_errors(record: Record, stroke: float) -> Array:
     """Return how far a record's volume may be off [2, n], as `Samples` has it; stroke [m3]."""
     volume, time = record.volume, record.time
     assert volume is not None  # it drives the model
-    found = np.zeros((2, len(volume)))
+    found, span = np.zeros((2, len(volume))), np.diff(time)
     found[0, 1:] = -1.0
-    error = np.full(len(volume), _EXACT * stroke)
     if record.quantum > 0.0:
         square = record.quantum**2 / 12.0
         stays = _stays(volume, 0.5 * record.quantum)
@@ -36,8 +35,11 @@ def volume_errors(record: Record, stroke: float) -> Array:
     else:
         bends = np.pad(np.abs(np.diff(volume, 2)), 1)
         found[0, :2] = (_FIRST * min(bends[1], np.median(bends))) ** 2, 0.0
-        error[1:] = np.hypot(error[1:], _BEND * np.maximum(bends[1:], bends[:-1]))
-    found[1, 1:] += error[1:] ** 2 * np.diff(time)
+        found[1, 1:] = (_BEND * np.maximum(bends[1:], bends[:-1])) ** 2 * span
+    if record.uncertain is not None:
+        uncertain = 0.5 * record.uncertain**2
+        found[1, 1:] += (uncertain[1:] + uncertain[:-1]) * span
+    found[1, 1:] += (_EXACT * stroke) ** 2 * span
     return found
 
 
