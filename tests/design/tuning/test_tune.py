@@ -16,7 +16,7 @@ from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import margins, tune
-from swimbladder.design.tuning.gains import gains, setting_of, tunable
+from swimbladder.design.tuning.gains import gains, grid, setting_of, tunable
 from swimbladder.design.tuning.margins import (
     WANTED,
     exactly,
@@ -154,6 +154,30 @@ def test_a_slow_motor_that_is_sampled_often_gets_a_slow_law():
     least = least_time(vehicle, 1.5, 3.0, supply=0.9 * 12.0, sample_time=0.1).time
     assert found.region.settle_95 < 1.5 * least
     assert found.tuning.frequency * found.least > 2.0  # it is no slower than the step
+
+
+def test_a_long_sample_gets_gains_that_are_fast_enough_to_hold_the_vehicle():
+    """The grid's frequencies follow the sample time: at 1 s none of the first has the margins."""
+    around, s = region(NOISY), setting_of(NOISY, sample_time=1.0, supply=10.8, neutral_range=5e-5)
+    law, h = tunable("observer"), 1.0
+    kept = []
+    for scale in (1.0, 2.0):
+        tried = [t for t in grid(law.recipe, "quiet", s, 9.5e-3, scale) if t.sharpness == 4.0]
+        laws = (BoundLaw(law, gains("observer", s, t), h) for t in tried if t.learning == 0.1)
+        found = (worst(margins.loops(one, around.plants[:1], depths=[8.0])) for one in laws)
+        kept.append(sum(not violated_margins(m, WANTED) for m in found))
+    assert kept[0] == 0 < kept[1]
+
+
+@pytest.mark.prove
+@pytest.mark.parametrize("goal", ["quiet", "energy"])
+def test_a_depth_is_held_at_a_long_sample_time(goal):
+    em = load_vehicle("example-em")
+    vehicle = em.model_copy(update={"sensors": NOISY.sensors})
+    asked = {"goal": goal, "depth_range": (1.0, 8.0), "sample_time": 1.0, "runs": 40}
+    found = tune(vehicle, law="observer", **asked)
+    assert found.proven
+    assert found.region.settled > 0.9
 
 
 @pytest.mark.prove

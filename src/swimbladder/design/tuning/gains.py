@@ -66,9 +66,9 @@ def goals_of(recipe: Recipe) -> tuple[str, ...]:
 
 
 def grid(
-    recipe: Recipe, goal: str, setting: Setting, held: float, slower: float = 1.0
+    recipe: Recipe, goal: str, setting: Setting, held: float, scale: float = 1.0
 ) -> Iterator[TuningParameters]:
-    """Yield the tuning parameters on the grid, their frequencies times `slower`.
+    """Yield the tuning parameters on the grid, their frequencies times `scale`.
 
     held [m]: rms that a depth is to be held to.
     """
@@ -83,7 +83,7 @@ def grid(
     g = recipe.fast if goal == "fast" else recipe.quiet
     for inner, share, damping, sharpness, learning in product(*(g or ())):
         rate = inner / h
-        first = TuningParameters(frequency=slower * share * rate, damping=damping, inner=rate)
+        first = TuningParameters(frequency=scale * share * rate, damping=damping, inner=rate)
         yield first._replace(sharpness=sharpness, learning=learning)
 
 
@@ -102,15 +102,15 @@ def options(
     *,
     held: float,
     deepest: float,
-    slower: float = 1.0,
+    scale: float = 1.0,
 ) -> Iterator[TuningParameters]:
     """Yield what is left to choose: how much of the motor a path takes, and when it rests.
 
     held [m]: rms that a depth is to be held to; deepest [m]: where the motor still has to move;
-    slower: as `grid` has it, where a path may leave the noise more of the motor.
+    scale: as `grid` has it, where a path may leave the noise more of the motor.
     """
     if goal == "fast":
-        more = (_EASY,) if recipe.shares and slower < 1.0 else ()
+        more = (_EASY,) if recipe.shares and scale < 1.0 else ()
         for share in (*(recipe.shares or (tuning.share,)), *more):
             yield tuning._replace(share=share)
         return
@@ -252,7 +252,8 @@ _TRIED_RESTING = 3  # of a law that rests near the set-point, by gains of its ow
 _FEW = {"fast": 100, "quiet": 40, "energy": 40}  # runs while they are compared
 _EASY = 0.6  # of the motor's speed that a path takes where the fastest gains do not settle
 _COMPARED = 0.85  # of the work: margins and trials of candidates
-_SLOWER = (1.0, 0.5, 0.25, 0.125)  # times the frequencies of a grid for fast, in turn
+_SCALES = (1.0, 0.5, 0.25, 0.125, 2.0)  # times the frequencies of a grid for fast, in turn
+_SCALES_HELD = (1.0, 2.0, 4.0, 0.5)  # the same where a depth is to be held
 _FINAL = 3  # options of a law that rests, whose band is fitted to the error that is allowed
 _FITTED = 3  # times, each with as many runs as are reported
 _SLACK = 0.97  # of the margins: the linear form is that of differences
@@ -358,13 +359,13 @@ class Search:
             self.near = (rank, short)
         return None
 
-    def candidates(self, most: int, slower: float, part: float) -> list[TuningParameters]:
+    def candidates(self, most: int, scale: float, part: float) -> list[TuningParameters]:
         """Return the first tuning parameters that have the margins, by what the goal prefers.
 
-        slower: as `grid` has it; part: of all the work.
+        scale: as `grid` has it; part: of all the work.
         """
         goal, wanted = self.asked.name, _tightened(margins.WANTED)
-        every = list(grid(self.recipe, goal, self.setting, self.asked.held, slower))
+        every = list(grid(self.recipe, goal, self.setting, self.asked.held, scale))
         if not self.recipe.linear:
             return every
         kept: list[tuple[float, Any]] = []
@@ -394,17 +395,20 @@ class Search:
         recipe, name = self.recipe, self.law.name
         scored: list[tuple[tuple[float, ...], Any, Trial]] = []
         left = 1.0  # of the work
-        for slower in _SLOWER if goal == "fast" else _SLOWER[:1]:
-            part = 0.5 * left if goal == "fast" else left
-            more = self._compared(slower, part)
-            left -= _COMPARED * part
+        for scale in _SCALES if goal == "fast" else _SCALES_HELD:
+            if goal == "fast" and scale > 1.0 and scored:
+                break  # faster only where none has margins, as the sample is long
+            more = self._compared(scale, 0.5 * left)
+            left *= 1.0 - 0.5 * _COMPARED
             if more and self.fastest is None:
                 self.fastest = more[0][1]
-            worse = scored and more and more[0][0] >= scored[0][0]
+            worse = goal == "fast" and scored and more and more[0][0] >= scored[0][0]
             scored = sorted([*scored, *more], key=lambda one: one[0])
-            if worse or (goal == "fast" and scored and not self._too_fast(*scored[0][1:])):
+            if worse or not recipe.linear or (scored and not self._elsewhere(*scored[0][1:])):
                 break
-        if recipe.holds and goal == "quiet":  # neighbours differ by less than few runs show
+        loose = bool(scored) and scored[0][2].rms > held
+        if recipe.holds and (goal == "quiet" or (goal == "energy" and loose)):
+            # neighbours differ by less than few runs show
             final = []
             for _, tuning, over in scored[:_FINAL]:
                 for _ in range(_FITTED):
@@ -449,25 +453,28 @@ class Search:
             f"{self.setting.sample_time:g} s: {nearest}. {limiting_margins(self.region, self.held)}"
         )
 
-    def _too_fast(self, tuning: Any, over: Trial) -> bool:
-        """Say whether gains do not keep what they have to, and slower ones may.
+    def _elsewhere(self, tuning: Any, over: Trial) -> bool:
+        """Say whether gains do not keep what they have to, and those of other frequencies may.
 
-        A slow motor is saturated by noise, or by a path at nearly its speed. over: their trial.
+        A slow motor is saturated by noise, or by a path at nearly its speed; a depth is not held by
+        gains that are slow beside the vehicle. over: their trial.
         """
-        _, _, _, step, drawn, promise = self.asked
+        goal, held, _, step, drawn, promise = self.asked
+        if goal != "fast":
+            return not over.rms <= _LOST * held
         if not any(broken(promise, over)):
             return False
         flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
         return bool(self.recipe.shares) or noise_limits(*flown, promise, over)
 
-    def _compared(self, slower: float, part: float) -> list[tuple[tuple[float, ...], Any, Trial]]:
+    def _compared(self, scale: float, part: float) -> list[tuple[tuple[float, ...], Any, Trial]]:
         """Return trials of candidates with their options, the best first; arguments as there."""
         goal, held, depths, _, drawn, _ = self.asked
         most = _TRIED_RESTING if self.recipe.holds and goal != "fast" else _TRIED[goal]
         every: list[TuningParameters] = []
-        for one in self.candidates(most, slower, part):
+        for one in self.candidates(most, scale, part):
             asked = self.recipe, goal, one, self.setting
-            every += options(*asked, held=held, deepest=max(depths), slower=slower)
+            every += options(*asked, held=held, deepest=max(depths), scale=scale)
         scored = []
         for tuning in every:
             scored.append(self.tried(tuning, drawn._replace(runs=min(drawn.runs, _FEW[goal]))))
