@@ -8,6 +8,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+from swimbladder.control.law import SMOOTH
 from swimbladder.control.profile import Target, aim, approach, depart, usable
 
 S_P = 0.3
@@ -161,6 +162,7 @@ def test_a_speed_takes_a_quarter_of_the_room_to_the_nearer_end(wanted):
         volume_min=-50e-6,
         volume_max=200e-6,
         depth_voltage=0.0,
+        balanced=SMOOTH,
         voltage_limit=12.0,
         jerk=1.0,
         fastest=1.0,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from swimbladder.control.law import TuningParameters, leaf_names, numbers
+from swimbladder.control.law import Measurement, TuningParameters, leaf_names, numbers
 from swimbladder.control.motion import drift_time
 from swimbladder.control.registry import LAWS
 from swimbladder.design.tuning.gains import gains, setting_of
@@ -64,6 +64,38 @@ def test_what_is_the_vehicles_stands_in_every_law(name):
     assert "S_p" in shared
     for field in shared:
         assert found[field] == pytest.approx(known[field], rel=1e-9), field
+
+
+BALANCED = [name for name in SAMPLED if LAWS[name].roundings]
+
+
+@pytest.mark.parametrize("name", BALANCED)
+def test_dry_friction_is_balanced_and_the_law_thinks_as_without(name):
+    """0.5 V, and a screw that the sea does not push in, beside a motor without either."""
+    law, p = LAWS[name], SETTING.plant
+    rough = SETTING._replace(plant=p._replace(friction=0.5, load_back=0.0))
+    plain, balanced = (
+        gains(name, s, KNOBS._replace(dead=0.0, pause=0.0)) for s in (SETTING, rough)
+    )
+    rng = np.random.default_rng(1)
+    seen = Measurement(0.0, 2.0, p.psi * 2.0)
+    states = [law.initial(one, seen, 2.0) for one in (plain, balanced)]
+    ways = set()
+    for n in range(60):
+        depth, volume = 2.0 + rng.normal(0.0, 2e-3), p.psi * 2.0 + rng.normal(0.0, 1e-6)
+        seen = Measurement(n * H, depth, volume)
+        given = [
+            law.step(own, s, seen, 2.0) for own, s in zip((plain, balanced), states, strict=True)
+        ]
+        (u, before, _), (v, after, _) = given
+        states = [before, after]
+        np.testing.assert_allclose([*numbers(after)], [*numbers(before)], rtol=1e-9, atol=1e-12)
+        load = p.load_drive * 2.0
+        ways.add(np.sign(round(v - u, 9)))
+        wanted = 0.0 if v == u else 0.9 * (0.5 if v > u else -0.5 - load)
+        assert v - u == pytest.approx(wanted, abs=1e-3)  # by the depth that the law estimates
+    assert ways >= {-1.0, 1.0}
+    assert BALANCED == ["sea-cascade", "adrc", "observer", "pulse", "planned"]
 
 
 def test_the_sleeper_acts_on_a_speed_that_crosses_its_band_in_an_interval():

@@ -22,6 +22,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
+from swimbladder.control.law import SMOOTH, Friction, friction_voltage
 from swimbladder.control.observer import limited
 from swimbladder.control.profile import (
     Target,
@@ -66,6 +67,7 @@ class AdrcParameters(NamedTuple):
     volume_min: Annotated[float, "m3"]
     volume_max: Annotated[float, "m3"]
     S_p: Annotated[float, "s"]
+    balanced: Friction = SMOOTH
 
 
 class AdrcState(NamedTuple):
@@ -77,7 +79,7 @@ class AdrcState(NamedTuple):
     disturbance: float  # m/s2, estimated f
     missed: float  # -, 1 where the depth of the sample before was missing
     volume: float  # m3, of the sample before
-    voltage: float  # V, of the sample before, as limited
+    voltage: float  # V, of the sample before, as limited, less what friction took
     path: Target  # where the target is on its way
     goal: float  # m, where it goes
     driven: float  # V, beyond the load of the sea, at the sample before the last
@@ -227,7 +229,9 @@ def step(
         voltage = voltage + (target.target_acceleration - later.target_acceleration) / (
             p.b * p.S_p * p.rate_per_volt
         )
-    voltage = limited(voltage, -p.voltage_limit, p.voltage_limit)
+    drive = voltage - p.depth_voltage * seen.depth
+    friction = friction_voltage(drive, p.balanced, seen.depth)
+    voltage = limited(voltage + friction, -p.voltage_limit, p.voltage_limit)
     after = AdrcState(
         begun=before.begun,
         depth=seen.depth,
@@ -235,7 +239,7 @@ def step(
         disturbance=seen.disturbance,
         missed=missed,
         volume=volume,
-        voltage=voltage,
+        voltage=voltage - friction,
         path=later,
         goal=wanted,
         driven=drive,
@@ -249,13 +253,21 @@ def _gains(s: law.Setting, k: law.TuningParameters) -> AdrcParameters:
     p, w = s.plant, k.frequency
     d, a = law.stiffness(p)
     own = adrc_gains(w, k.sharpness * w, s.sample_time, k.learning * w)
-    return AdrcParameters(gains=own, **law.target_numbers(s, k), b=a, drag=d, k_pV=k.inner / p.gain)
+    return AdrcParameters(
+        gains=own,
+        **law.target_numbers(s, k),
+        b=a,
+        drag=d,
+        k_pV=k.inner / p.gain,
+        balanced=law.friction_of(p),
+    )
 
 
 ADRC = law.Law(
     name="adrc",
     summary="active disturbance rejection on depth, a gain on volume inside (Han 2009, Gao 2003)",
     command="voltage",
+    roundings=Friction._fields,
     parameters=AdrcParameters,
     state=AdrcState,
     step=step,

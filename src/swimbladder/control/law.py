@@ -191,10 +191,10 @@ class Law:
     error that is left alone [m]. With dead_zone and near at 0 the law is linear around rest, where
     it is so at all. longest_wait: from its parameters to the longest that it waits for its next
     call [s]; a board takes one that waits for longer for broken, and of a law that has none one
-    that waits for longer than a command may fail to come. Of a law that changes the volume when it
-    asks to be called: ways, from its parameters to the speeds it asks for; roundings, bands and
-    steps, at 0 of which what it decides follows what it sees without a gap. within: the law that it
-    is made around, see `control.around`.
+    that waits for longer than a command may fail to come. roundings: bands, steps and friction that
+    is fed forward, at 0 of which what it decides follows what it sees without a gap. ways: of a law
+    that changes the volume when it asks to be called, the speeds it asks for. within: the law that
+    it is made around, see `control.around`.
     """
 
     name: str
@@ -227,6 +227,33 @@ class Law:
 
 Laws = Sequence[tuple[Law, Any]]
 """Laws, each with its parameters."""
+
+
+class Friction(NamedTuple):
+    """Dry friction of the motor, fed forward; none where a controller's parameters leave it out."""
+
+    friction: Annotated[float, "V"]
+    locked: Annotated[float, "V/m"]  # of the load that it takes to go out: does not push it in
+
+
+SMOOTH = Friction(0.0, 0.0)
+
+
+def friction_voltage(drive: float, p: Friction, depth: float) -> float:
+    """Return the voltage [V] that dry friction takes of a motor which `drive` [V] is to move."""
+    if drive > 0.0:
+        return p.friction
+    if drive < 0.0:
+        return -p.friction - p.locked * depth
+    return 0.0
+
+
+_COMPENSATED = 0.9  # of dry friction: more than there is would move the motor by itself
+
+
+def smooth(law: Law, parameters: Any) -> Any:
+    """Return a law's parameters without its roundings."""
+    return from_leaves(type(parameters), leaves(parameters) | dict.fromkeys(law.roundings, 0.0))
 
 
 STROKE = 0.5  # of the stroke to the nearer end: what a path may take to accelerate
@@ -349,6 +376,11 @@ def stiffness(p: Plant) -> tuple[float, float]:
 def room_of(p: Plant) -> float:
     """Return the volume from neutral at the surface to the nearer end of the stroke [m3]."""
     return min(p.V_max - p.V_0, p.V_0 - p.V_min)
+
+
+def friction_of(p: Plant) -> Friction:
+    """Return what of a motor's dry friction is fed forward."""
+    return Friction(_COMPENSATED * p.friction, _COMPENSATED * (p.load_drive - p.load_back))
 
 
 def jerk_of(s: Setting, k: TuningParameters) -> float:

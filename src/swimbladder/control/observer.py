@@ -23,7 +23,14 @@ import math
 from typing import Annotated, Any, NamedTuple
 
 from swimbladder.control import law
-from swimbladder.control.law import Measurement, from_leaves, leaf_names
+from swimbladder.control.law import (
+    SMOOTH,
+    Friction,
+    Measurement,
+    friction_voltage,
+    from_leaves,
+    leaf_names,
+)
 
 
 class Trust(NamedTuple):
@@ -163,6 +170,7 @@ def feedback(s: law.Setting, k: law.TuningParameters) -> dict[str, float]:
         "volume_min": p.V_min,
         "volume_max": p.V_max,
         "S_p": h,
+        **law.friction_of(p)._asdict(),
         "farthest": law.STROKE * law.room_of(p) / k_z,  # it asks for half the room, by k_z
     }
 
@@ -216,6 +224,7 @@ class ObserverParameters(NamedTuple):
     volume_min: Annotated[float, "m3"]
     volume_max: Annotated[float, "m3"]
     S_p: Annotated[float, "s"]
+    balanced: Friction = SMOOTH
 
 
 class ObserverState(NamedTuple):
@@ -267,7 +276,9 @@ def step(
             moving = 0.0
     else:
         moving = moves(wanted - volume, state.moving, p.dead)
-    voltage = p.depth_voltage * e.depth + moving * p.k_V * (wanted - volume)
+    drive = moving * p.k_V * (wanted - volume)
+    drive = drive + friction_voltage(drive, p.balanced, e.depth)
+    voltage = p.depth_voltage * e.depth + drive
     return (limited(voltage, -p.limit, p.limit), ObserverState(e, wanted, moving, rested), p.S_p)
 
 
@@ -295,6 +306,7 @@ OBSERVER = law.Law(
     dead_zone="dead",
     near="near",
     band="band",
+    roundings=Friction._fields,
     recipe=law.Recipe(
         gains=_gains,
         fast=law.FAST,

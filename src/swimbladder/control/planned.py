@@ -19,7 +19,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
-from swimbladder.control.law import from_leaves
+from swimbladder.control.law import SMOOTH, Friction, friction_voltage, from_leaves
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves
 from swimbladder.control.profile import BEHIND, estimate_effectiveness, own_drive, usable
 
@@ -50,11 +50,12 @@ class PlannedParameters(NamedTuple):
     k_V: Annotated[float, "V/m3"]  # voltage per volume error
     dead: Annotated[float, "m3"]  # volume error at which the motor rests at the end
     rate: Annotated[float, "V s/m3"]  # voltage per rate of volume, 1/(K1 A)
-    depth_voltage: Annotated[float, "V/m"]  # load of the sea
+    depth_voltage: Annotated[float, "V/m"]  # k_z/k_u
     limit: Annotated[float, "V"]
     volume_min: Annotated[float, "m3"]
     volume_max: Annotated[float, "m3"]
     S_p: Annotated[float, "s"]
+    balanced: Friction = SMOOTH
 
 
 class PlannedState(NamedTuple):
@@ -136,7 +137,7 @@ def _jerk(p: PlannedParameters, here: float, target: float) -> float:
 
     Near the depth at which the motor stalls a twentieth of the supply is left to plan with.
     """
-    spare = p.limit - p.depth_voltage * max(max(here, target), 0.0)
+    spare = p.limit - p.balanced.friction - p.depth_voltage * max(max(here, target), 0.0)
     return p.share * max(spare, 0.05 * p.limit) / (p.rate * p.inertia)
 
 
@@ -167,9 +168,10 @@ def step(
     wanted = limited(wanted, p.volume_min, p.volume_max)
     under_way = abs(there.speed) > 0.0 or abs(here.speed) > 0.0
     moving = 1.0 if under_way else moves(wanted - volume, state.moving, p.dead)
+    driven = moving * (p.k_V * (wanted - volume) + p.rate * rate)
     load = p.depth_voltage * e.depth
-    voltage = load + moving * (p.k_V * (wanted - volume) + p.rate * rate)
-    voltage = limited(voltage, -p.limit, p.limit)
+    load = load + friction_voltage(driven, p.balanced, e.depth)
+    voltage = limited(load + driven, -p.limit, p.limit)
     return (
         voltage,
         PlannedState(
@@ -211,6 +213,7 @@ PLANNED = law.Law(
     initial=initial,
     volume_gain="k_V",
     dead_zone="dead",
+    roundings=Friction._fields,
     recipe=law.Recipe(
         gains=_gains, fast=law.FAST, quiet=law.QUIET, shares=(0.85, 0.75), jitter=observer.jitter
     ),

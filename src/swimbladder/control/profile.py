@@ -116,7 +116,7 @@ def aim(
     """
     deeper = max(depth, wanted)
     higher = min(depth, wanted)
-    voltage = 1.0 - p.depth_voltage * deeper / p.voltage_limit
+    voltage = 1.0 - (p.depth_voltage * deeper + p.balanced.friction) / p.voltage_limit
     left = max(min(p.volume_max - p.psi * deeper, p.psi * higher - p.volume_min), 0.0)
     jerk = p.jerk * min(max(voltage, _LEAST_SHARE), 1.0)
     fastest = p.fastest

@@ -23,7 +23,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law, observer
-from swimbladder.control.law import from_leaves, leaf_names
+from swimbladder.control.law import SMOOTH, Friction, friction_voltage, from_leaves, leaf_names
 from swimbladder.control.observer import Estimate, begin_estimate, estimate, limited, moves, trusted
 
 _LEAST = 0.4  # share of its rate that a motor is believed to have
@@ -59,11 +59,12 @@ class PulseParameters(NamedTuple):
     learn: Annotated[float, ""]  # of what a sample shows of the motor
     resting: observer.Resting
     farthest: Annotated[float, "m"]  # a depth error beyond which no more volume is asked for
-    depth_voltage: Annotated[float, "V/m"]  # load of the sea
+    depth_voltage: Annotated[float, "V/m"]  # k_z/k_u
     limit: Annotated[float, "V"]
     volume_min: Annotated[float, "m3"]
     volume_max: Annotated[float, "m3"]
     S_p: Annotated[float, "s"]
+    balanced: Friction = SMOOTH
 
 
 class PulseState(NamedTuple):
@@ -191,6 +192,7 @@ def step(
         gap = wanted - volume
         going = moves(gap, abs(state.going), p.dead)
         drive = going * p.k_V * gap
+    drive = drive + friction_voltage(drive, p.balanced, e.depth)
     voltage = p.depth_voltage * e.depth + hold + drive
     return (
         limited(voltage, -p.limit, p.limit),
@@ -222,6 +224,7 @@ PULSE = law.Law(
     name="pulse",
     summary="as observer; near the set-point each run of the motor moves the volume out and back",
     command="voltage",
+    roundings=Friction._fields,
     parameters=PulseParameters,
     state=PulseState,
     step=step,

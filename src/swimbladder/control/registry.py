@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from importlib import import_module
 from typing import Any
 
-from swimbladder.control.law import Law, from_leaves, leaf_names, leaves
+from swimbladder.control.law import SMOOTH, Friction, Law, from_leaves, leaf_names, leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry
@@ -65,9 +65,11 @@ def law_parameters(law: Law, values: Mapping[str, float | str], *, sample_time: 
             what = f"law {law.name!r} has no such parameter"
             remedy = f"{did_you_mean(name, wanted)}It has: {', '.join(wanted)}"
             raise InputError(what, field=f"{where}.{name}", remedy=remedy)
-    numbers = {}
+    numbers = leaves(SMOOTH) if law.roundings == Friction._fields else {}
     for name in wanted:
         unit = law.units[name]
+        if name not in values and name in numbers:
+            continue
         if name not in values:
             what, field = f"law {law.name!r} needs this parameter", f"{where}.{name}"
             raise InputError(what, field=field, unit=unit, remedy="Add it")

@@ -21,6 +21,7 @@ import math
 from typing import Annotated, NamedTuple
 
 from swimbladder.control import law
+from swimbladder.control.law import SMOOTH, Friction, friction_voltage
 from swimbladder.control.profile import (
     Target,
     aim,
@@ -65,6 +66,7 @@ class SeaCascadeParameters(NamedTuple):
     volume_max: Annotated[float, "m3"]
     dead_zone: Annotated[float, "m3"]
     S_p: Annotated[float, "s"]
+    balanced: Friction = SMOOTH
 
 
 class SeaCascadeState(NamedTuple):
@@ -213,7 +215,8 @@ def step(
         U = U + (p.psi * depth - need)
 
     within = min(max(U, p.volume_min), p.volume_max)
-    voltage = p.depth_voltage * depth
+    load = p.depth_voltage * depth
+    voltage = load
     moving = 0.0
     if measured:
         gap = within - measurement.volume
@@ -222,6 +225,8 @@ def step(
             voltage = p.gains.k_pV * gap + voltage
             if p.rate_per_volt > 0.0:
                 voltage = voltage + (need - need_later) / (p.S_p * p.rate_per_volt)
+    friction = friction_voltage(voltage - load, p.balanced, depth)
+    voltage = voltage + friction
     limited = min(max(voltage, -p.voltage_limit), p.voltage_limit)
 
     change = p.gains.k_iz * p.S_p * error
@@ -242,7 +247,7 @@ def step(
         need=need,
         moving=moving,
         volume=volume,
-        drive=limited - p.depth_voltage * depth,
+        drive=limited - load - friction,
         driven=drive,
         effectiveness=effectiveness,
         volume_reference=U,
@@ -262,6 +267,7 @@ def _gains(s: law.Setting, k: law.TuningParameters) -> SeaCascadeParameters:
         volume_per_speed=d / a,
         volume_per_acceleration=1.0 / a,
         dead_zone=k.dead,
+        balanced=law.friction_of(p),
     )
 
 
@@ -280,6 +286,7 @@ SEA_CASCADE = law.Law(
     initial=initial,
     volume_gain="k_pV",
     dead_zone="dead_zone",
+    roundings=Friction._fields,
     recipe=law.Recipe(
         gains=_gains,
         shares=(0.85, 0.75),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder import load_vehicle
+from swimbladder.control.law import smooth
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.pump_valve import (
@@ -14,7 +15,6 @@ from swimbladder.design.linear.pump_valve import (
     decision_of,
     drive_rates,
     moved_by_volume,
-    smooth,
 )
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import fly

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder import load_vehicle
+from swimbladder.control.law import smooth
 from swimbladder.control.registry import bind
-from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume, smooth
+from swimbladder.design.linear.pump_valve import drive_rates, moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.stability import stability
 from swimbladder.design.stability.around import around_decisions

@@ -31,6 +31,7 @@ from swimbladder.design.tuning.trial import (
     ALONE,
     SUPERVISED,
     Drawn,
+    Step,
     electrical_energy,
     fly,
     motor_starts,
@@ -154,6 +155,24 @@ def test_a_slow_motor_that_is_sampled_often_gets_a_slow_law():
     least = least_time(vehicle, 1.5, 3.0, supply=0.9 * 12.0, sample_time=0.1).time
     assert found.region.settle_95 < 1.5 * least
     assert found.tuning.frequency * found.least > 2.0  # it is no slower than the step
+
+
+@pytest.mark.parametrize("name", ["observer", "planned", "sea-cascade", "adrc"])
+def test_a_motor_with_dry_friction_is_as_fast_as_one_without(name):
+    """1 V of 12: unbalanced, planned never settles and adrc overshoots by a fifth."""
+    rough = NOISY.model_copy(
+        update={"actuator": NOISY.engine.model_copy(update={"dead_zone": 1.0})}
+    )
+    tuning = TuningParameters(0.2, 1.0, 1.2, 8.0, LEARNING.get(name, 0.01))
+    found = []
+    for vehicle in (NOISY, rough):
+        s = setting_of(vehicle, sample_time=H, supply=12.0, neutral_range=20e-6)
+        bound = BoundLaw(tunable(name), gains(name, s, tuning), H)
+        found.append(trial(vehicle, bound, Step(1.5, 3.0, 100.0), Drawn(20)))
+    without, with_it = found
+    assert with_it.settled == 1.0
+    assert with_it.settle_95 < 1.25 * without.settle_95
+    assert with_it.overshoot_95 < without.overshoot_95 + 0.01
 
 
 def test_a_long_sample_gets_gains_that_are_fast_enough_to_hold_the_vehicle():

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Law, Measurement, Way, from_leaves, leaves
+from swimbladder.control.law import Law, Measurement, Way, smooth
 from swimbladder.control.rate import RATE
 from swimbladder.design.linear.depths import Stall
 from swimbladder.design.linear.models import exponential_of
@@ -201,11 +201,6 @@ class Delivery(NamedTuple):
 
     share: float  # -, of what was asked for
     delay: float  # s, until a change that is a little larger is there
-
-
-def smooth(law: Law, parameters: Any) -> Any:
-    """Return a law's parameters without its bands and steps."""
-    return from_leaves(type(parameters), leaves(parameters) | dict.fromkeys(law.roundings, 0.0))
 
 
 def decision_of(

@@ -343,7 +343,7 @@ class Search:
 
         Dead zone and pauses are none of the loop's around rest: margins are of its linear part.
         """
-        linear, count = self.bound(tuning._replace(dead=0.0, pause=0.0)), 1 if nominal else None
+        linear, count = self.bound(tuning).without_rest, 1 if nominal else None
         plants, depths = self.region.plants[:count], self.asked.depths[:count]
         loops = partial(margins.loops, linear, plants, depths=depths, delay=self.delay)
         m = margins.worst(loops(), judge=judge, wanted=None if nominal else wanted)

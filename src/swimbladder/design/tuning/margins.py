@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control.law import Measurement, leaves
+from swimbladder.control.law import Measurement, leaves, smooth
 from swimbladder.control.rate import RateParameters
 from swimbladder.design.linear.margins import Margins, loop_margins, response, spectral_radius
 from swimbladder.design.linear.models import StateSpace
@@ -206,7 +206,7 @@ def at_rest(bound: BoundLaw, p: Plant, *, depth: float) -> LinearLaw:
 
     if law.command != "voltage":
         bound = bound._replace(law=replace(law, step=step))
-    return linearise_law(bound, seen)
+    return linearise_law(bound._replace(parameters=smooth(law, bound.parameters)), seen)
 
 
 def loops(

@@ -8,12 +8,14 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
+from swimbladder.control.law import friction_of
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.planning.task import Limits
 from swimbladder.design.tuning.region import Region
 from swimbladder.design.tuning.trial import Drawn, Step, Trial, settling_off_ballast, trial
 from swimbladder.errors import NoAnswerError
+from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
 OVERSHOOT = 0.03  # in 95 % of the runs, that a fast law may have
@@ -131,6 +133,11 @@ _CAUSES = (
         "several logs in the water of the mission, and `identify` on all of them, narrow that",
     ),
 )
+_FRICTION = Cause(
+    "the dry friction of the motor, and of a screw that the sea does not push back",
+    frozenset({"friction"}),
+    "a drive with less of it, or a motor with more torque per volt, narrows that",
+)
 _SUPPLY = "the supply at {:.3g} V, the least assumed: a battery that is changed earlier (`supply=`)"
 _NOISE = (
     "the noise of the depth sensor, {:.2g} mm: a better sensor (`depth_noise=`, `depth_quantum=`)"
@@ -208,7 +215,10 @@ def limiting(
 
     whole, sensors = _off(promise, found), vehicle.sensors
     outcomes = []
-    for cause in _CAUSES if drawn.region is not None else ():
+    causes = [*(_CAUSES if drawn.region is not None else ())]
+    if vehicle.voltage_driven and any(friction_of(plant(vehicle))):
+        causes.append(_FRICTION)
+    for cause in causes:
         without = left(vehicle, drawn._replace(known=cause.known))
         outcomes.append((without, f"{cause.words}: {cause.remedy}"))
     if math.isfinite(drawn.supply):

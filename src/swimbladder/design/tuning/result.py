@@ -83,8 +83,7 @@ class Tuning(gains.Found, Answer):
         """
         if self.margins is None:
             return ()
-        linear = gains.gains(self.law.name, self.setting, self.tuning._replace(dead=0.0, pause=0.0))
-        bound = BoundLaw(self.law, linear, self.sample_time)
+        bound = BoundLaw(self.law, self.parameters, self.sample_time).without_rest
         return tuple(loops(bound, self.plants, depths=self.judged, delay=self.delay))
 
     @property

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from swimbladder.control.law import leaves
+from swimbladder.control.law import leaves, smooth
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
 from swimbladder.physics.arrays import Array, Flags
@@ -92,7 +92,7 @@ class Drawn(NamedTuple):
     column: Column | None = None  # the water, the vehicle's own where None
     seed: int = 1
     supervised: bool = False  # as `firmware` writes law and supervisor
-    known: frozenset[str] = frozenset()  # of the region: fields of `Plant` that are not drawn
+    known: frozenset[str] = frozenset()  # fields of `Plant` that are not drawn; friction: none
     ballast: float = 0.0  # m3, by which every other neutral volume is off to either side
     tick: float = math.nan  # s, of the board of a supervised float
 
@@ -222,6 +222,10 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     medium = medium_of(vehicle, column, reach=max(step.start, step.target))
     vary = {} if region is None else draw(region, runs=runs, seed=seed, medium=medium)
     vary = {name: values for name, values in vary.items() if name not in drawn.known}
+    if "friction" in drawn.known:
+        own = plant(vehicle).load_drive
+        vary |= {"friction": np.zeros(runs), "load_back": np.full(runs, own)}
+        bound = bound._replace(parameters=smooth(bound.law, bound.parameters))
     if drawn.ballast:
         off = np.where(np.arange(runs) % 2 == 0, drawn.ballast, -drawn.ballast)
         vary["V_0"] = vary.get("V_0", medium.plant.V_0) + off

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.control.law import Law, Measurement, from_leaves, leaves
+from swimbladder.control.law import Law, Measurement, from_leaves, leaves, smooth
 from swimbladder.design.linear.margins import spectral_radius
 from swimbladder.design.linear.sampled import BoundLaw, LinearLaw, linearise_law, loop_of
 from swimbladder.errors import InputError, NoAnswerError
@@ -71,7 +71,7 @@ def law_at_rest(
 ) -> LinearLaw:
     """Return the linear form of a law that holds a vehicle at `depth` [m], called every sample."""
     seen = Measurement(0.0, depth, vehicle.neutral_volume(depth))
-    return linearise_law(BoundLaw(law, parameters, sample_time), seen)
+    return linearise_law(BoundLaw(law, smooth(law, parameters), sample_time), seen)
 
 
 def check_sample_time(
