@@ -31,11 +31,13 @@ from swimbladder.design.tuning.trial import (
     ALONE,
     SUPERVISED,
     Drawn,
+    Measured,
     Step,
     electrical_energy,
     fly,
     motor_starts,
     motor_turns,
+    summarise,
     trial,
 )
 from swimbladder.errors import InputError, NoAnswerError
@@ -266,6 +268,14 @@ def test_a_motor_that_turns_round_without_a_rest_has_started_anew():
     volume = np.concatenate([np.zeros((1, 1)), np.cumsum(moves, axis=0)])
     assert motor_starts(volume) == 2
     assert motor_turns(volume) == 1
+
+
+@pytest.mark.parametrize(("last", "slowest"), [(90.0, 90.0), (math.inf, math.nan)])
+def test_one_run_of_forty_that_comes_back_late_is_among_all_of_them(last, slowest):
+    settle = np.array([*[16.0] * 39, last])
+    found = summarise(Measured(settle, *np.zeros((len(Measured._fields) - 1, 40))))
+    assert found.settle_95 == 16.0
+    assert found.slowest == pytest.approx(slowest, nan_ok=True)
 
 
 def test_a_walk_takes_the_vehicle_as_far_off_as_reckoned_with():

@@ -385,6 +385,7 @@ class Trial(NamedTuple):
     lost: float = math.nan  # share of the runs
     alarms: float = math.nan  # share of the runs in which the supervisor took over
     ballast: float = math.nan  # s, in which all runs settle whose ballast is off
+    slowest: float = math.nan  # s, in which all runs settle
 
     @property
     def starts_and_turns(self) -> float:
@@ -402,6 +403,7 @@ def summarise(m: Measured) -> Trial:
         settled=float(np.isfinite(settle).mean()),
         settle_median=percentile(settle, 50.0),
         settle_95=percentile(settle, 95.0),
+        slowest=percentile(settle, 100.0),
         overshoot_median=float(np.percentile(over, 50.0)),
         overshoot_95=float(np.percentile(over, 95.0)),
         rms=math.sqrt(float(m.square.mean())),
