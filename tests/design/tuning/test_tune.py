@@ -16,7 +16,7 @@ from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import margins, tune
-from swimbladder.design.tuning.gains import gains, grid, setting_of, tunable
+from swimbladder.design.tuning.gains import Goal, Search, gains, grid, setting_of, tunable
 from swimbladder.design.tuning.margins import (
     WANTED,
     exactly,
@@ -43,6 +43,7 @@ from swimbladder.design.tuning.trial import (
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
+from swimbladder.io.progress import silent
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
@@ -191,14 +192,30 @@ def test_a_long_sample_gets_gains_that_are_fast_enough_to_hold_the_vehicle():
 
 
 @pytest.mark.prove
-@pytest.mark.parametrize("goal", ["quiet", "energy"])
-def test_a_depth_is_held_at_a_long_sample_time(goal):
-    em = load_vehicle("example-em")
-    vehicle = em.model_copy(update={"sensors": NOISY.sensors})
+@pytest.mark.parametrize(("name", "goal"), [("feup-em", "quiet"), ("example-em", "energy")])
+def test_a_depth_is_held_at_a_long_sample_time(name, goal):
+    vehicle = load_vehicle(name).but("sensors", depth_noise=2e-3)
     asked = {"goal": goal, "depth_range": (1.0, 8.0), "sample_time": 1.0, "runs": 40}
-    found = tune(vehicle, law="observer", **asked)
-    assert found.proven
-    assert found.region.settled > 0.9
+    assert tune(vehicle, law="observer", **asked).proven
+
+
+@pytest.mark.parametrize(
+    ("name", "rms", "elsewhere"),
+    [
+        ("position-observer", 9.9e-3, False),
+        ("position-observer", 17e-3, True),
+        ("observer", 17e-3, False),
+        ("observer", 20e-3, True),
+    ],
+)
+def test_gains_that_hold_no_depth_give_way_unless_their_band_is_to_be_fitted(name, rms, elsewhere):
+    """9.5 mm are allowed; a band is fitted to an error of up to twice that."""
+    quiet = Promise("quiet", math.nan, 9.5e-3, 0.0)
+    asked = Goal("quiet", 9.5e-3, (2.0,), Step(1.5, 3.0, 100.0), Drawn(20), quiet)
+    s = setting_of(NOISY, sample_time=H, supply=12.0, neutral_range=20e-6)
+    search = Search(tunable(name), NOISY, s, asked, 0.0, silent)
+    over = summarise(Measured(*np.zeros((len(Measured._fields), 20))))._replace(rms=rms)
+    assert search._elsewhere(TuningParameters(0.15, 0.9, 1.2), over) is elsewhere
 
 
 @pytest.mark.prove

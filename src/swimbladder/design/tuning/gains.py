@@ -460,10 +460,12 @@ class Search:
         gains that are slow beside the vehicle. over: their trial.
         """
         goal, held, _, step, drawn, promise = self.asked
-        if goal != "fast":
+        if goal != "fast" and self.recipe.holds:  # whose band is yet to be fitted
             return not over.rms <= _LOST * held
         if not any(broken(promise, over)):
             return False
+        if goal != "fast":
+            return True
         flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
         return bool(self.recipe.shares) or noise_limits(*flown, promise, over)
 
