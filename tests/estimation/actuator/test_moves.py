@@ -6,7 +6,7 @@ from scipy.stats import binomtest
 
 from studies.actuator import score
 from studies.benches import Motor, log_of, measured, random_motor, random_moves, soft_moves, travel
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.actuator import identify_actuator
 from swimbladder.io.config import load_vehicle
 from tests.quoted import refused
@@ -197,3 +197,17 @@ def test_a_motor_alone_is_not_taken_for_a_soft_start():
     for k in range(25):
         random = np.random.default_rng([9, k])
         assert not ramps(random_moves(random, random_motor(random), outliers=0.1 * (k % 2)))
+
+
+@pytest.mark.parametrize(
+    ("time", "position", "name"), [(1e3, 1.0, "T1"), (1.0, 1e3, "rate"), (1e-3, 1.0, "T1")]
+)
+def test_what_no_actuator_does_is_no_answer(time, position, name):
+    """Milliseconds read as seconds gave T1 = 90 s, millimetres as metres 5 m/s: exit code 0."""
+    log = random_moves(np.random.default_rng(4), MOTOR)
+    found = identify_actuator([log_of(time * log.time, position * log.piston)])
+    assert not found.identified
+    assert any(f.kind == "impossible" and name in f.sentence for f in found.findings)
+    vehicle = load_vehicle("feup-em")
+    with refused(LogError, field="piston_m"):
+        identify_actuator([log_of(log.time, 1e3 * log.piston)], vehicle)

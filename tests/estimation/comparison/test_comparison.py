@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from swimbladder.errors import InputError, LogError, NoAnswerError
 from swimbladder.estimation.comparison import compare
-from swimbladder.estimation.comparison.record import DRIVES, record
+from swimbladder.estimation.comparison.record import DRIVES, record, thinned
 from swimbladder.estimation.comparison.run import FITTABLE, stages
 from swimbladder.estimation.estimates import DRIFT_STD
 from swimbladder.io.config import load_vehicle
@@ -604,3 +604,24 @@ def test_an_impossible_psi_is_no_answer(paper_vehicle):
     c = compare(made_log(time, run.depth, volume=volume), paper_vehicle, free=["psi"])
     assert not c.possible
     assert any(f.kind == "stratified" for f in c.findings)
+
+
+def test_a_depth_that_stays_though_the_volume_moves_is_not_explained(paper_vehicle):
+    time = np.arange(0.0, 100.0, 0.5)
+    volume = 5e-5 * np.sin(time / 10.0)
+    c = compare(made_log(time, np.full(len(time), 3.0), volume=volume), paper_vehicle)
+    assert not c.possible
+    assert [f.kind for f in c.findings] == ["unexplained"]
+
+
+def test_a_long_log_is_thinned_with_a_word(paper_vehicle):
+    time = np.append(np.arange(0.0, 100.0, 0.1), np.arange(150.0, 200.0, 0.1))
+    volume = 1e-5 * np.sin(time / 10.0)
+    whole = record(made_log(time, 3.0 + 0.1 * np.cos(time), volume=volume), paper_vehicle)
+    thin = thinned(whole, 200)
+    assert 140 < len(thin.time) <= 200
+    assert thin.notes[-1].startswith("1500 samples taken as the means of ")
+    assert (np.diff(thin.time) > 0.0).all()
+    assert np.diff(thin.time).max() == pytest.approx(50.0, abs=2.0)
+    assert np.interp(thin.time, whole.time, whole.volume) == pytest.approx(thin.volume, abs=2e-6)
+    assert thinned(whole, 1500) is whole

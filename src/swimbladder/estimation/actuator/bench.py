@@ -15,6 +15,7 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.errors import InputError, LogError
+from swimbladder.estimation.comparison.misread import refuse_wrong_stroke
 from swimbladder.estimation.series import Autoregression, Index, scale, stretches, white_noise
 from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
@@ -141,6 +142,10 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
         what = f"{len(position)} samples with a position are too few"
         remedy = f"Give a log of {_FEWEST} samples or more"
         raise LogError(what, file=log.source, field="piston_m", remedy=remedy)
+    if vehicle is not None:
+        per = 1.0 if quantity == "volume" else vehicle.piston_area
+        if per is not None:
+            refuse_wrong_stroke(log, vehicle, per * position)
     time = log.time - log.time[0]
     step = float(np.median(np.diff(time)))
     depth = float(np.nanmax(log.depth, initial=0.0)) if np.isfinite(log.depth).any() else 0.0

@@ -192,6 +192,7 @@ def identify_actuator(
     missing = [(n, found.parameters[n].why) for n in required if not found.parameters[n].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
     one, known = benches[0], [n for n in found.covariance if found.parameters[n].known]
+    refused += _impossible(found.parameters, one.unit)
     which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
 
     def called(name: str) -> str:
@@ -219,6 +220,18 @@ def identify_actuator(
         given=vehicle,
         **{n: x for n, x in found._asdict().items() if n not in ("clock", "wider")},
     )
+
+
+_POSSIBLE = {"T1": (1e-4, 10.0), "rate": (1e-7, 1.0)}  # s, and m/s: from a stepper to a gearmotor
+
+
+def _impossible(parameters: Mapping[str, Estimate], unit: str) -> Iterator[Finding]:
+    """Yield which parameters no actuator has."""
+    for name, (least, most) in _POSSIBLE.items():
+        e = parameters[name]
+        comparable = e.origin == "data" and (name == "T1" or unit == "m")
+        if comparable and not least <= e.value <= most:
+            yield Finding.of("actuator", "impossible", name=name, value=shown(e.value, e.unit))
 
 
 _CLOSEST = 1e-4  # of a value that is positive: no log knows it better

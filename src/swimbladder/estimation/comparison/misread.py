@@ -34,6 +34,7 @@ _EXPLAINED = 0.6  # of the variance: the motion is that of the volume
 _LEAST = 30  # samples
 _SMALL = 0.02  # m, less motion than which has no information
 _MOVED = 1e-3  # of the stroke, likewise of the volume
+_STROKES = 5.0  # more of them than this is another unit, or another vehicle
 
 
 def _informative(depth: Array, under: Flags) -> slice | None:
@@ -77,6 +78,18 @@ def refuse_wrong_clock(
         what += f"vehicle goes with its depths where the times are {only} only"
         span, unit = float(log.time[-1] - log.time[0]), "s from first to last"
         raise LogError(what, file=log.source, field="time_s", value=span, unit=unit, remedy=remedy)
+
+
+def refuse_wrong_stroke(log: Log, vehicle: Vehicle, volume: Array) -> None:
+    """Raise LogError where volumes [m3] go much farther than the vehicle's stroke."""
+    stroke = vehicle.stroke
+    over, whole = 1e6 * float(np.ptp(volume)), 1e6 * (stroke.maximum - stroke.minimum)
+    if over > _STROKES * whole:
+        what = f"the volume goes over {over:.3g} cm3, the vehicle's stroke is {whole:.3g} cm3"
+        remedy = "State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give the "
+        remedy += "vehicle that the log is of"
+        field = "piston_m" if log.volume is None else "volume_m3"
+        raise LogError(what, file=log.source, field=field, remedy=remedy)
 
 
 def misread(

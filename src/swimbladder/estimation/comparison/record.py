@@ -9,13 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.drive_outliers import LONGEST, drive_outliers, filled
-from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock
+from swimbladder.estimation.comparison.misread import (
+    Drive,
+    refuse_wrong_clock,
+    refuse_wrong_stroke,
+)
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.series import followed, quantum, stretches
@@ -84,7 +88,6 @@ _FEWEST = 10
 _NO_READING = 10.0  # K from the median of a log's temperatures
 _STAYS = 3  # samples under water, one after the other
 _OFF = 0.1  # of the samples, more of which with an impossible volume are no outliers
-_STROKES = 5.0  # more of them than this is another unit, or another vehicle
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
@@ -199,13 +202,7 @@ def record(
         notes.append(f"the zero of the volume is not known: {neutral}")
     if volume is not None and chosen == "volume":
         stroke = vehicle.stroke
-        over, whole = 1e6 * float(np.ptp(volume)), 1e6 * (stroke.maximum - stroke.minimum)
-        if over > _STROKES * whole:
-            what = f"the volume goes over {over:.3g} cm3, the vehicle's stroke is {whole:.3g} cm3"
-            remedy = "State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give the "
-            remedy += "vehicle that the log is of"
-            field = "piston_m" if log.volume is None else "volume_m3"
-            raise LogError(what, file=log.source, field=field, remedy=remedy)
+        refuse_wrong_stroke(log, vehicle, volume)
         beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
         if (beyond > 1e-9).any():
             count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
@@ -257,6 +254,27 @@ def record(
         source=log.source,
     )
     return warmed(found, heat_expansion(vehicle), vehicle.hull.thermal_time_constant)
+
+
+def thinned(record: Record, most: int) -> Record:
+    """Return a record that a volume drives with the means of at most so many spans of time."""
+    n = len(record.time)
+    if record.drive != "volume" or n <= most:
+        return record
+    span = record.duration / (most - 1)
+    bins = np.floor(record.time / span).astype(np.int64)
+    bins = np.cumsum(np.diff(bins, prepend=bins[:1]) > 0)  # those of gaps are none
+    count = np.bincount(bins)
+
+    def mean(values: Array | None) -> Array | None:
+        return None if values is None else np.bincount(bins, values) / count
+
+    names = ("time", "depth", "speed", "volume", "voltage", "warmth", "reference")
+    series: dict[str, Any] = {name: mean(getattr(record, name)) for name in names}
+    series["time"] -= series["time"][0]
+    note = f"{n} samples taken as the means of {len(count)} spans of {span:.3g} s"
+    compared = np.bincount(bins, record.compared) == count
+    return replace(record, **series, compared=compared, notes=(*record.notes, note))
 
 
 def _per(log: Log, vehicle: Vehicle) -> float:

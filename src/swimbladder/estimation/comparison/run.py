@@ -19,7 +19,7 @@ import numpy as np
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.misread import Drive, misread
-from swimbladder.estimation.comparison.record import Record, follow_in, record
+from swimbladder.estimation.comparison.record import Record, follow_in, record, thinned
 from swimbladder.estimation.estimates import (
     DRIFT_STD,
     MODEL_ERROR,
@@ -45,6 +45,7 @@ from swimbladder.vehicle import IdentifiedMotion, Vehicle
 
 _SPAN = 3.0  # s to each side, for the depth and speed at which a window starts
 _WINDOWS = (10.0, 20.0, 40.0, 80.0, 160.0)  # s
+_TILES = 300  # windows at most, which are enough to begin with
 _HORIZONS = (0.125, 0.25, 0.5)  # of the record
 
 
@@ -73,7 +74,7 @@ def stages(rec: Record) -> list[list[Window]]:
     """
     whole = Window(0, len(rec.time) - 1)
     if rec.drive == "volume":
-        return [*(_tiles(rec, w) for w in _WINDOWS if w < rec.duration), [whole]]
+        return [*(_tiles(rec, w)[:_TILES] for w in _WINDOWS if w < rec.duration), [whole]]
     if rec.drive == "voltage":
         ends = [int(np.searchsorted(rec.time, part * rec.duration)) for part in _HORIZONS]
         return [*([Window(0, end)] for end in ends if end >= 10), [whole]]
@@ -248,6 +249,7 @@ def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
 
 _FINEST = 2e-4  # m, a noise that sensors have
 _LARGEST = 10.0  # m, a residual beyond this says no more
+_MOST = 50_000  # samples, more of which only take longer
 _STEP = 1e-3  # of a parameter's scale, for the derivative
 _SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
 
@@ -630,6 +632,7 @@ def compare(
         submerged=submerged,
         column=cast,
     )
+    rec = thinned(rec, _MOST)
     names = default_names(rec) if free is None else tuple(free)
     outcome = adjust(vehicle, rec, names, advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
@@ -651,11 +654,11 @@ def compare(
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
     by = rec.volume if rec.drive == "volume" else None
     if by is not None and (wrong := misread(rec.time, rec.depth, by, rec.compared, vehicle)):
-        if explained < _HALF:  # what follows from it need not be said
+        if not explained >= _HALF:  # what follows from it need not be said
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
-    elif explained < _HALF:
-        lost = bool(names) and explained < _LOST and rms(off) > MODEL_ERROR * _noise(rec)
+    elif not explained >= _HALF:
+        lost = bool(names) and not explained >= _LOST and rms(off) > MODEL_ERROR * _noise(rec)
         findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,

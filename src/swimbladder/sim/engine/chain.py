@@ -252,6 +252,6 @@ def _count(steps: float, p: Plant, tick: float) -> int:
             f"the drag is so large against the mass that one sample of {tick:g} s would take "
             f"{steps:.2g} steps (laminar {p.d_l:.3g} 1/s, turbulent {p.d_t:.3g} 1/m)",
             field="motion.drag",
-            remedy="Check the drag coefficients, the masses and their units",
+            remedy="Check drag, masses and their units, and the times between the samples of a log",
         )
     return max(1, math.ceil(steps))
