@@ -3,12 +3,15 @@
 import inspect
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import swimbladder as sb
 from studies.benches import Motor, random_moves
+from swimbladder.errors import InputError
 from swimbladder.io.given import accepting, units_of
 from swimbladder.units import parse_quantity
+from tests.quoted import refused
 
 VEHICLE = sb.load_vehicle("feup-em")
 STEP = {"setpoints": [(0.0, 3.0)], "duration": 30.0, "start_depth": 1.5}
@@ -111,6 +114,19 @@ def test_the_log_of_an_actuator_needs_no_depth(tmp_path):
     path.write_text("\n".join(["time_s,piston_m", *rows]), encoding="utf-8")
     rate = sb.identify_actuator(path).parameters["rate"].value
     assert rate == pytest.approx(sb.identify_actuator([log]).parameters["rate"].value)
+
+
+def test_runs_of_a_pump_are_read_by_their_name_or_from_a_frame(tmp_path):
+    """A name or a frame ended in an AttributeError."""
+    pressure = np.tile(np.linspace(1e5, 5e6, 8), 2)
+    columns = {"duration_s": np.full(16, 30.0), "pressure_Pa": pressure}
+    columns["power_W"] = 10.0 + 4e-6 * pressure + 0.01 * np.cos(np.arange(16.0))
+    frame = pd.DataFrame(columns)
+    frame.to_csv(tmp_path / "runs.csv", index=False)
+    one, other = sb.fit_pump(frame), sb.fit_pump(tmp_path / "runs.csv")
+    assert one.parameters == other.parameters
+    with refused(InputError, field="runs", value=3):
+        sb.fit_pump(3)
 
 
 def test_one_log_need_not_be_a_list(tmp_path):

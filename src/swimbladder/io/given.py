@@ -28,6 +28,7 @@ _LOADED_BY = {
     "Column": ("swimbladder.io.casts", "read_cast"),
     "FloatLog": ("swimbladder.io.float_logs", "read_float_log"),
     "Log": ("swimbladder.io.logs", "read_log"),
+    "PumpRuns": ("swimbladder.io.pump_runs", "read_pump_runs"),
 }
 
 

@@ -62,7 +62,7 @@ def read_pump_runs(
     Raises LogError, an InputError, with file, line, column, value and remedy.
     """
     mapped, file = dict(columns or {}), LogFile.of(path, format_of(form))
-    if Path(path).suffix.lower() == ".nc":
+    if Path(file.path).suffix.lower() == ".nc":
         return _of_a_dive(path, file, {**mapped, **(where or {})})
     check_columns(file, mapped, RUN_COLUMNS, "a table of runs")
     wanted = wanted_names(mapped, [("duration_s",), ("pressure_Pa",)])

@@ -256,3 +256,22 @@ def test_volumes_that_are_not_the_runs_own_are_no_delivery(spoil):
     said = fit_pump(wrong).refusal
     assert "volume" in said
     assert "two pumps" in said
+
+
+def test_a_zero_among_powers_or_volumes_was_not_measured():
+    """One in ten made 5.0 +- 0.1 W of an idle power of 7 W."""
+    made = commanded(np.random.default_rng(3))
+    whole = fit_pump(made)
+    for name in ("power", "volume"):
+        values = getattr(made, name).copy()
+        values[::10] = 0.0
+        spoilt = fit_pump(replace(made, **{name: values}))
+        for number, e in whole.parameters.items():
+            assert abs(spoilt.value(number) - e.value) < e.ci95[1] - e.value, number
+
+
+def test_runs_that_do_next_to_no_work_are_in_another_unit():
+    made = commanded(np.random.default_rng(3))
+    for changed in ({"power": 1e3 * made.power}, {"volume": 1e-3 * made.volume}):
+        with refused(InputError, field="pressure_Pa"):
+            fit_pump(replace(made, **changed))

@@ -56,21 +56,23 @@ from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
 
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _LET_IN = 0.1  # of the usual volume: less below 0 is a meter's noise
+_IDLE = 2e-3  # of the energy: less work is no pump's, whose worst measured runs do 4 %
 _DEEP = 2e5  # Pa: nearer to the surface the hydraulic work is next to none
 
 
 def check_runs(runs: PumpRuns, kept: Flags, *, depth_limit: float | None) -> None:
-    """Raise InputError where runs do more work on the sea than they take, or go too deep.
+    """Raise InputError where runs do more work on the sea than they take, or next to none, or go
+    too deep.
 
-    depth_limit: of the vehicle [m]. Both mean a wrong unit: of pressure, volume, power or time.
+    depth_limit: of the vehicle [m]. All mean a wrong unit: of pressure, volume, power or time.
     """
     if runs.volume is not None:
         deep = kept & np.isfinite(runs.volume) & (runs.pressure > _DEEP)
         work = float(np.sum((runs.pressure * runs.volume)[deep]))
         energy = float(np.sum((runs.power * runs.duration)[deep]))
-        if deep.sum() >= FEWEST and work > energy:
+        if deep.sum() >= FEWEST and (work > energy or 0.0 < work < _IDLE * energy):
             done = f"{work:.3g} J of work against the sea for {energy:.3g} J from the battery"
-            what = f"the runs would press out {done}, {work / energy:.3g} times as much"
+            what = f"the runs would do {done}, {work / energy:.3g} times as much"
             wrong = "Pressure, volume, power or time is in the wrong unit"
             how = '`columns={"pressure_Pa": "NAME@dbar", "volume_m3": "NAME@mL"}`'
             remedy = f"{wrong}: state it, as in {how}"
@@ -345,6 +347,7 @@ def fit_pump(
         raise InputError(what, field="power_at", value=power_at, remedy=remedy)
     kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
     kept &= (runs.duration > 0.0) & (runs.duration >= min_run_time)
+    kept &= runs.power != 0.0  # which no run takes: it was not measured
     kept &= ~_let_in(runs, kept)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
@@ -369,6 +372,8 @@ def fit_pump(
         powers, reference = (scaled, reference) if better else (powers, None)
     laws, volume = [powers], np.full(kept.size, np.nan) if runs.volume is None else runs.volume
     measured, by_volume = kept & np.isfinite(volume), False
+    if volume[measured].any():
+        measured &= volume != 0.0  # likewise
     if len(np.unique(dive[measured])) >= FEWEST:
         by_volume = _by_volume(runs, volume, measured)
         dive = np.where(measured, dive, np.nan)
