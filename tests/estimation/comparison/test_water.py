@@ -9,9 +9,10 @@ from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison import compare
 from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.comparison.record import follow_in, layers_of, water_of_each
+from swimbladder.io.casts import read_cast
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.hull import along_hull, linear_psi
-from swimbladder.physics.seawater import Column, uniform_column
+from swimbladder.physics.seawater import Column, cast_column, uniform_column
 from swimbladder.vehicle import Water
 from tests.layered import SEA, STEP, added, column, density, mean_density, sailed, vehicle
 from tests.quoted import refused
@@ -124,3 +125,15 @@ def test_a_model_quicker_than_any_vehicle_is_not_followed():
     assert np.isfinite(follow_in(layers, [p], time, volume, start)).all()
     for quick in (p._replace(d_l=100.0), p._replace(d_t=1e8), p._replace(a_b=1e9)):
         assert np.isnan(follow_in(layers, [quick], time, volume, start)).all()
+
+
+def test_a_cast_that_says_nothing_of_the_logs_water_is_refused(tmp_path):
+    """mission and ballast refused two rows; compare and identify took what is straight between."""
+    path, log = tmp_path / "cast.csv", sailed(VEHICLE)
+    head = "pressure_dbar,temperature_degC,salinity\n"
+    path.write_text(head + "0,12,34\n100,8,35\n")
+    with refused(InputError, field="cast"):
+        compare(log, VEHICLE, cast=cast_column(read_cast(path)))
+    path.write_text(head + "".join(f"{p},8,{34 + 0.01 * p}\n" for p in range(30, 100)))
+    with refused(LogError, field="depth_m"):
+        compare(log, VEHICLE, cast=cast_column(read_cast(path)))

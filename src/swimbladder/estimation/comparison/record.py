@@ -27,7 +27,7 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.hull import along_hull, heat_expansion, neutral_volume
-from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater import Column, check_rows
 from swimbladder.sim.engine.modes import NO_LAYERS, Layers, layers_from
 from swimbladder.vehicle import Vehicle
 
@@ -89,6 +89,7 @@ _NO_READING = 10.0  # K from the median of a log's temperatures
 _STAYS = 3  # samples under water, one after the other
 _OFF = 0.1  # of the samples, more of which with an impossible volume are no outliers
 _BELOW_BOTTOM = 0.2  # m, that a depth sensor may be off
+_ABOVE = 3.0  # m, that the first row of a cast speaks for the water above it
 _BOTTOM_MARGIN = 0.03  # m, of the bottom: the vehicle may stand on it
 _REMEDIES = {
     "volume": "Map volume_m3 or piston_m with `columns=`, or choose another `drive=`",
@@ -269,7 +270,7 @@ def thinned(record: Record, most: int) -> Record:
     def mean(values: Array | None) -> Array | None:
         return None if values is None else np.bincount(bins, values) / count
 
-    names = ("time", "depth", "speed", "volume", "voltage", "warmth", "reference")
+    names = ("time", "depth", "speed", "volume", "doubtful", "voltage", "warmth", "reference")
     series: dict[str, Any] = {name: mean(getattr(record, name)) for name in names}
     series["time"] -= series["time"][0]
     note = f"{n} samples taken as the means of {len(count)} spans of {span:.3g} s"
@@ -337,6 +338,13 @@ def _layers(log: Log, vehicle: Vehicle, column: Column, drive: Drive) -> Layers:
         ends = f"the cast {column.source} ends at {column.deepest:.4g} m"
         what = f"the log goes down to {deepest:.4g} m, {ends}"
         remedy = "Take a cast that goes as deep, and check the units of both"
+        raise bad_depth(log.source, what, round(deepest, 3), remedy)
+    check_rows(column)
+    top = 0.0 if column.cast is None else float(column.cast.pressure[0])
+    if deepest + _ABOVE < top:
+        begins = f"the cast {column.source} begins at {top:.4g} dbar"
+        what = f"the log goes down to {deepest:.4g} m, {begins}"
+        remedy = "Take a cast that begins above it, and check the units of both"
         raise bad_depth(log.source, what, round(deepest, 3), remedy)
     return layers_of(vehicle, column)
 

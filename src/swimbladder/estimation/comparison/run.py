@@ -335,6 +335,8 @@ def adjust(
             e = Estimate.of(value, std, FITTABLE[name].unit)
             if name == "drag_quadratic" or (name == "drag" and vehicle.drag.k_dt > 0.0):
                 low = -math.inf  # of either there may be none
+            if name.startswith("start"):  # searched beside the first sample, which binds nothing
+                low, high = 2.5 * low - 1.5 * high, 2.5 * high - 1.5 * low
             why[name] = undetermined(e, (low, high), misfit)
         fitted[name] = Fitted(value, None if why[name] else std, FITTABLE[name].unit)
     at_end = {name for name, end in zip(names, ends.tolist(), strict=True) if end}
