@@ -99,9 +99,17 @@ class Filtered(NamedTuple):
         return Filtered(*arrays)
 
     def smoothed(self) -> tuple[Array, Array]:
-        """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later."""
+        """Return states [n, 3] and covariances [n, 3, 3] given all samples, earlier and later.
+
+        By Rauch, Tung and Striebel.
+        """
         mean, covariance = self.mean.copy(), self.covariance.copy()
-        smooth_kernel(self.predicted, self.predicted_covariance, self.slopes, mean, covariance)
+        spread = self.predicted_covariance[1:]
+        scale = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))[:, :, None]
+        A = spread / (scale * scale.transpose(0, 2, 1)) + 1e-12 * np.eye(3)  # aground no depth errs
+        cross = self.slopes[1:] @ covariance[:-1] / scale  # [n, new, old]
+        gains = (np.linalg.solve(A, cross) / scale).transpose(0, 2, 1).copy()
+        smooth_kernel(self.predicted, self.predicted_covariance, gains, mean, covariance)
         return mean, covariance
 
 
@@ -120,6 +128,20 @@ class Span(NamedTuple):
     h: float
     Va: float
     Vb: float
+
+
+@allocating
+def _copy(values: Array, into: Array) -> None:
+    """Copy numbers [n]: for an array that is assigned numba compiles texts of errors, 4 s long."""
+    for i in range(len(values)):
+        into[i] = values[i]
+
+
+@allocating
+def _copy_rows(values: Array, into: Array) -> None:
+    """Copy numbers [n, m]."""
+    for i in range(len(values)):
+        _copy(values[i], into[i])
 
 
 @allocating
@@ -197,7 +219,8 @@ def _laminar(m: Motion, x: Array, span: Span, F: Array, Q: Array) -> None:
         for i in range(5):
             _add_noise(m, _POINTS[i] * s, _WEIGHTS[i] * s, q)
     rate = (span.Vb - span.Va) / span.h
-    F[:, :], Q[:, :] = f, q
+    _copy_rows(f, F)
+    _copy_rows(q, Q)
     Q[1, 0], Q[2, 0], Q[2, 1] = q[0, 1], q[0, 2], q[1, 2]
     for i in range(n):
         if i:
@@ -303,10 +326,10 @@ def _runge_kutta(m: Motion, state: Array, span: Span, n: int, F: Array, Q: Array
             part = share * s
             if share > 0.0:
                 _substep(m, x, V, rate, t, part, k)
-                x[:] = y
+                _copy(y, x)
             _cross(p, x, up)
             _substep(m, x, V + rate * part, rate, t + part, (1.0 - share) * s, k)
-        x[:] = y
+        _copy(y, x)
         if x[0] > p[Z_BOTTOM]:
             x[0], x[1] = p[Z_BOTTOM], min(x[1], 0.0)
             x[2:] = 0.0
@@ -316,7 +339,7 @@ def _runge_kutta(m: Motion, state: Array, span: Span, n: int, F: Array, Q: Array
     F[2, 2] = 1.0
     Q[0, 0], Q[0, 1], Q[1, 1] = x[8], x[9], x[10]
     Q[0, 2], Q[1, 2], Q[2, 2] = x[11], x[12], m.walk2 * span.h
-    state[:2] = x[:2]
+    state[0], state[1] = x[0], x[1]
     return aground
 
 
@@ -502,7 +525,8 @@ def filter_kernel(
                 _fade(out.slopes[k], besides, samples.time[k] - samples.time[k - 1], noise)
             if inexact and samples.volume_error[0, k] >= 0.0:
                 _renew(x, C, besides, samples.volume_error[0, k])
-        out.predicted[k], out.predicted_covariance[k] = x, C
+        _copy(x, out.predicted[k])
+        _copy_rows(C, out.predicted_covariance[k])
         out.fate[k], out.contribution[k] = UNSEEN, 0.0
         out.innovation[k], out.variance[k] = np.nan, np.nan
         if samples.use[k] >= 0 and math.isfinite(samples.depth[k]):
@@ -535,7 +559,8 @@ def filter_kernel(
                 _take_besides(x, C, besides, e, S)
             else:
                 _update(x, C, e, S - known, S)
-        out.mean[k], out.covariance[k] = x, C
+        _copy(x, out.mean[k])
+        _copy_rows(C, out.covariance[k])
 
 
 @compiled
@@ -567,7 +592,7 @@ def follow_kernel(
     depth = np.full((len(plants), len(time)), np.nan)
     for i in range(len(plants)):
         p = plants[i]
-        x[:2], x[2] = starts[i], p[V_0]
+        x[0], x[1], x[2] = starts[i, 0], starts[i, 1], p[V_0]
         depth[i, 0] = x[0]
         for k in range(1, len(time)):
             transition(Motion(p, layers, 0.0, 0.0), x, _span(time, volume, k), F, Q)
@@ -578,13 +603,13 @@ def follow_kernel(
 
 
 @compiled
-def smooth_kernel(before: Array, spread: Array, F: Array, mean: Array, P: Array) -> None:
-    """Replace mean and P by those given all samples (Rauch, Tung and Striebel)."""
+def smooth_kernel(before: Array, spread: Array, gains: Array, mean: Array, P: Array) -> None:
+    """Replace mean and P by those given all samples; gains [n - 1, 3, 3]: of each by the next."""
+    more = np.empty((3, 3))
     for k in range(mean.shape[0] - 2, -1, -1):
-        scale = np.sqrt(np.maximum(np.diag(spread[k + 1]), 1e-300))
-        A = spread[k + 1] / np.outer(scale, scale) + 1e-12 * np.eye(3)  # aground no depth errs
-        cross = (F[k + 1] @ P[k]) / scale.reshape(3, 1)  # [new, old]
-        G = np.linalg.solve(A, cross) / scale.reshape(3, 1)
-        gain = np.ascontiguousarray(G.T)
-        mean[k] += gain @ (mean[k + 1] - before[k + 1])
-        P[k] += gain @ (P[k + 1] - spread[k + 1]) @ np.ascontiguousarray(gain.T)
+        for i in range(3):
+            for j in range(3):
+                mean[k, i] += gains[k, i, j] * (mean[k + 1, j] - before[k + 1, j])
+                more[i, j] = P[k + 1, i, j] - spread[k + 1, i, j]
+        _propagate(more, gains[k], P[k])
+        _copy_rows(more, P[k])
