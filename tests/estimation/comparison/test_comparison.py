@@ -507,9 +507,9 @@ def as_it_is(float_vehicle, voyage):
     ("of_depth", "of_volume", "said"),
     [
         (3.28084, 1.0, "a depth in feet was read as metres"),
-        (0.3048, 1.0, "a depth in metres was read as feet"),
+        pytest.param(0.3048, 1.0, "a depth in metres was read as feet", marks=pytest.mark.prove),
         (1.0, -1.0, "the volume counts the wrong way round"),
-        (1.0, 6.894757, "a pressure in psi was read as kPa"),
+        pytest.param(1.0, 6.894757, "a pressure in psi was read as kPa", marks=pytest.mark.prove),
         (1.0, 0.2, "a unit is wrong, or it is another vehicle"),
     ],
 )
