@@ -270,7 +270,7 @@ def thinned(record: Record, most: int) -> Record:
     def mean(values: Array | None) -> Array | None:
         return None if values is None else np.bincount(bins, values) / count
 
-    names = ("time", "depth", "speed", "volume", "doubtful", "voltage", "warmth", "reference")
+    names = ("time", "depth", "speed", "volume", "uncertain", "voltage", "warmth", "reference")
     series: dict[str, Any] = {name: mean(getattr(record, name)) for name in names}
     series["time"] -= series["time"][0]
     note = f"{n} samples taken as the means of {len(count)} spans of {span:.3g} s"
