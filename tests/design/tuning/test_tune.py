@@ -143,6 +143,7 @@ def test_fast_settles_near_the_bound_over_the_whole_region(law, supervised):
     assert answer.closed_loop.at_depth.peak_sensitivity < 1.6
 
 
+@pytest.mark.prove
 def test_a_slow_motor_that_is_sampled_often_gets_a_slow_law():
     """The first frequencies of the grid follow the sample time: noise saturates this motor there.
 
