@@ -22,6 +22,7 @@ VEHICLE = load_vehicle("feup-em")
 TRUTH = {"K2": 7935.54, "T2": 36.3, "psi": 4.04e-6}
 G = 9.80665e3  # N/m3, rho g
 STEP, FINE = 0.3, 6  # s, parts of it
+NOISE = 2e-3  # m
 
 
 def response(h):
@@ -42,28 +43,27 @@ def response(h):
 AFTER = response(STEP / FINE)
 
 
-def dive(seed, *, step=0.0, lag=0.0, spikes=0.0, early=False, quiet=False, kick=0.0, **more):
+def dive(seed, *, span=300.0, step=0.0, lag=0.0, spikes=0.0, early=False, quiet=False, kick=0.0):
     """Return the log of three set-points.
 
     step: in which the volume is recorded [m3]; lag: of its filter [s]; spikes: in 5 % of the
     samples [m3]; early: it begins on its way at once, 40 cm3/s, and stays until the next sample;
-    quiet: the loop knows the depth without noise. kick: of the law, in the sample where the
-    set-point changes [m3]. more: span [s], noise [m], gain [1].
+    quiet: the loop knows the depth without noise. kick: of a law with a fiftieth of the gain, in
+    the sample where the set-point changes [m3].
     """
-    span, noise = more.get("span", 300.0), more.get("noise", 2e-3)
     rng = np.random.default_rng(seed)
     n, h = int(span / STEP) + 1, STEP / FINE
     neutral = rng.normal(0.0, 0.5e-6) - TRUTH["psi"] * 1.5
     state, V, smooth, measured, fine = np.array([1.5, 0.0]), 0.0, None, [], []
     for k in range(n):
-        measured.append(state[0] + noise * rng.normal())
+        measured.append(state[0] + NOISE * rng.normal())
         wanted = [z for at, z in ((0, 3.0), (100, 1.5), (200, 2.5)) if at <= k * STEP][-1]
         seen = state[0] if quiet else measured[-1]
         before = seen if smooth is None else smooth
         smooth = before + STEP / (1.0 + STEP) * (seen - before)
         aim = 100e-6 * (smooth - wanted) + 1500e-6 * (smooth - before) / STEP
-        aim *= more.get("gain", 1.0)
-        aim += kick if k * STEP in (99.0, 201.0) else 0.0
+        if kick:
+            aim = 0.02 * aim + kick * (k * STEP in (99.0, 201.0))
         aim = min(max(aim, -100e-6), 100e-6)
         part = min(max(aim - V, -40e-6 * STEP), 40e-6 * STEP) / FINE
         for _ in range(FINE):
@@ -121,7 +121,7 @@ def test_a_motor_that_moves_early_in_each_sample_moves_no_value():
 
 def test_a_kick_of_the_law_is_neither_a_spike_nor_relied_on():
     """It moved the vehicle. Taken for a spike, it made K2 five times less known, or put it off."""
-    apart, found = off(dive(1, quiet=True, kick=10e-6, gain=0.02))
+    apart, found = off(dive(1, quiet=True, kick=10e-6))
     assert any("neither is relied on" in note for note in found.notes)
     assert np.abs(apart).max() < 2.5
     assert found.parameters["K2"].std < 0.012 * TRUTH["K2"]

@@ -512,6 +512,7 @@ def fit_moves(bench: Bench) -> MovesFit:
     derived: dict[str, Estimate] = {}
     pooled: dict[int, Pooled] = {}
     ramps: dict[str, float] = {}
+    hidden = Estimate.unknown("s", sentence("actuator", "ramp", "why"))
     for way, name in _WAYS.items():
         own = [k for k, move in enumerate(found) if move.direction == way]
         if not own:
@@ -519,13 +520,12 @@ def fit_moves(bench: Bench) -> MovesFit:
         pooled[way] = pool([rates[k].value for k in own], [rates[k].std for k in own])
         derived[f"rate_{name}"] = pooled[way].estimate(unit)
         begun = start_up(bench, [found[k] for k in own])
-        derived[f"T1_{name}"] = begun.T1
+        derived[f"T1_{name}"] = begun.T1 if begun.ramp is None else hidden
         if begun.ramp is not None:
             ramps[f"{name}ward"] = begun.ramp
-            derived[f"T1_{name}"] = Estimate.unknown("s", sentence("actuator", "ramp", "why"))
     parameters = {
         "K1": Estimate.unknown(f"{unit}/V", _NO_VOLTAGE),
-        "T1": Estimate.unknown("s", sentence("actuator", "ramp", "why")) if ramps else start.T1,
+        "T1": hidden if ramps else start.T1,
         "dead_zone": Estimate.unknown("V", _NO_VOLTAGE),
         "load_voltage": Estimate.unknown("V", _NO_VOLTAGE),
         **_both(pooled, unit),
