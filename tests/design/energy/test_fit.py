@@ -258,6 +258,36 @@ def test_volumes_that_are_not_the_runs_own_are_no_delivery(spoil):
     assert "two pumps" in said
 
 
+@pytest.mark.parametrize("spoil", ["pressure", "power", "one deep run", "idle", "volume"])
+def test_columns_that_contradict_each_other_are_no_pump(spoil):
+    """Without dives, too, which show it elsewhere: all of these came with a vehicle once."""
+    random = np.random.default_rng(13)
+    told = replace(commanded(random, dives=20), dive=None)
+    n = told.power.size
+    wrong = {
+        "pressure": {"pressure": random.permutation(told.pressure)},
+        "power": {"power": np.full(n, 12.0) + random.normal(0.0, 0.1, n)},
+        "one deep run": {"pressure": np.append(1e5 + 1e3 * np.arange(n - 1), 8e6)},
+        "idle": {"power": 2.4e-6 * told.pressure - 0.9},
+        "volume": {"duration": random.uniform(20.0, 200.0, n)},
+    }[spoil]
+    assert not fit_pump(told).refusal
+    said = fit_pump(replace(told, **wrong)).refusal
+    assert {"idle": "idle power", "volume": "volumes"}.get(spoil, "power rises") in said
+
+
+def test_runs_that_are_there_twice_count_once():
+    """Copies under other dives made an interval narrower, and eight of one dive one of nothing."""
+    told = commanded(np.random.default_rng(14))
+    names = ("duration", "pressure", "power", "volume")
+    twice = {name: np.tile(getattr(told, name), 2) for name in names}
+    copies = PumpRuns(**twice, dive=np.append(told.dive, told.dive + 50.0))
+    assert fit_pump(copies).parameters == fit_pump(told).parameters
+    one = {name: np.tile(getattr(told, name)[:4], 6) for name in names}
+    with refused(NoAnswerError, holds={1.0}):
+        fit_pump(PumpRuns(**one, dive=told.dive))
+
+
 def test_a_zero_among_powers_or_volumes_was_not_measured():
     """One in ten made 5.0 +- 0.1 W of an idle power of 7 W."""
     made = commanded(np.random.default_rng(3))

@@ -106,6 +106,14 @@ def _let_in(runs: PumpRuns, kept: Flags) -> Flags:
     return found
 
 
+def _first(runs: PumpRuns) -> Flags:
+    """Return which runs are not there already, equal in everything but the dive's number."""
+    names = ("duration", "pressure", "power", "volume", "temperature", "voltage", "time")
+    columns = [column for name in names if (column := getattr(runs, name)) is not None]
+    _, first = np.unique(np.nan_to_num(columns, nan=-1.0), axis=1, return_index=True)
+    return np.isin(np.arange(runs.duration.size), first)
+
+
 def check_groups(runs: PumpRuns, kept: Flags, groups: Array) -> None:
     """Raise NoAnswerError or InputError where runs are too few, too alike or of no sea."""
     what = "runs" if runs.dive is None else "dives"
@@ -215,7 +223,16 @@ _VOLTS = 0.005  # relative deviation of the voltages that shows whether power de
 _ENOUGH = 15  # runs, five for each of three numbers, that may determine what a start loses
 _OFF, _VOLUMES_OFF = 0.1, 0.25  # of a dive's energy, and of its volume
 _ONE_IN = 10  # dives that may be off
-_CAUSES = "Look for two pumps, another battery, or a column in another unit in some of them"
+_CAUSES = "Look for two pumps, another battery, or a column of other runs or in another unit"
+_POSITIVE = {
+    "delivery": (1e6, "mL/s", "volumes do not go with the times of the runs"),
+    "idle_power": (1.0, "W", "no pump runs on that"),
+}
+"""What is above 0 for sure of any pump: factor and unit it is shown in, and what it means else."""
+_SEAS_SHARE = 0.5  # of what the sea takes: a power that rises by less is not this pump's
+_LESS = "that is less than half of the work on the sea, so powers do not go with the pressures"
+_VAGUE = 2.0  # of the power at the greatest pressure: how wide the interval may be there
+_OPEN = "the runs do not determine how it goes with the pressure"
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
 _WARM = 0.5  # K, standard deviation of the temperatures that shows a dependence on them
 _ALIKE = 0.5  # times the relative spread of the times, that of volumes that were commanded
@@ -286,14 +303,28 @@ class PumpFit(Answer):
 
     @property
     def refusal(self) -> str:
-        """Why the numbers are those of no pump: dives are not as the others say. Else empty."""
-        if (e := self.parameters.get("delivery")) is not None and not e.ci95[0] > 0.0:
-            low, value, high = (f"{1e6 * x:.3g}" for x in (e.ci95[0], e.value, e.ci95[1]))
-            what = f"the delivery comes out as {value} mL/s, and {low} to {high} within 95 %"
-            return f"{what}: volumes do not go with the times of the runs. {_CAUSES}"
+        """Why the numbers are those of no pump, or dives are not as the others say. Else empty."""
+        for name, (factor, unit, why) in _POSITIVE.items():
+            if (e := self.parameters.get(name)) is not None and not e.ci95[0] > 0.0:
+                low, value, high = (f"{factor * x:.3g}" for x in (e.ci95[0], e.value, e.ci95[1]))
+                what = f"the {name.replace('_', ' ')} comes out as {value} {unit}"
+                return f"{what}, and {low} to {high} within 95 %: {why}. {_CAUSES}"
         energies = {d.dive: (d.predicted, d.energy) for d in self.dives}
         volumes = {d.dive: (d.predicted_volume, d.volume) for d in self.dives}
-        return _off("energy", energies, _OFF) or _off("volume", volumes, _VOLUMES_OFF)
+        if off := _off("energy", energies, _OFF) or _off("volume", volumes, _VOLUMES_OFF):
+            return off
+        e, deepest = self.parameters["power_per_pressure"], np.max(self.runs.pressure[self.kept])
+        (least, most), there = e.ci95, self.value("idle_power") + e.value * deepest
+        none = most < max(_SEAS_SHARE * self.value("delivery"), 0.0)
+        if none or (most - least) * deepest > _VAGUE * abs(there):
+            what = f"the power rises by {1e6 * least:.3g} to {1e6 * most:.3g} W per MPa within 95 %"
+            return f"{what}: {_LESS if none else _OPEN}. {_CAUSES}"
+        known = np.array([]) if self.runs.volume is None else self.runs.volume[self.kept]
+        usual = math.sqrt(np.nanmean(known**2)) if np.isfinite(known).any() else math.nan
+        if self.volume_rms > _VOLUMES_OFF * usual:
+            what = f"volumes are off the law by {1e6 * self.volume_rms:.3g} mL rms"
+            return f"{what} of {1e6 * usual:.3g} mL: they do not go with the times. {_CAUSES}"
+        return ""
 
     @property
     def voltage_share(self) -> Array:
@@ -348,7 +379,7 @@ def fit_pump(
     kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
     kept &= (runs.duration > 0.0) & (runs.duration >= min_run_time)
     kept &= runs.power != 0.0  # which no run takes: it was not measured
-    kept &= ~_let_in(runs, kept)
+    kept &= ~_let_in(runs, kept) & _first(runs)
     check_runs(runs, kept, depth_limit=depth_limit)
     dive = _blocks(kept.size) if runs.dive is None else runs.dive
     kept &= np.isfinite(dive)

@@ -600,7 +600,8 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     yield from _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:
-        yield f"{left} runs were left out: too short, without pressure or power, or a valve's."
+        which = "too short, there already, without pressure or power, or a valve's"
+        yield f"{left} runs were left out: {which}."
     if "delivery" not in fit.parameters:
         yield "No volumes were measured: the delivery is not identifiable."
 
