@@ -71,7 +71,9 @@ def test_the_unit_that_the_numbers_are_in_is_named(pool, tmp_path, true, read):
     assert f"where the times are {_UNITS[true]} only" in refused.value.what
 
 
-@pytest.mark.parametrize(("factor", "said"), [(1e-3, "1e+03"), (60.0, "0.0167")])
+@pytest.mark.parametrize(
+    ("factor", "said"), [(1e-3, "1e+03"), (60.0, "0.0167"), (3600.0, "0.000278")]
+)
 def test_where_no_unit_fits_the_factor_is_told(pool, factor, said):
     wrong = replace(pool, time=factor * pool.time)  # in seconds, as far as the log knows
     with pytest.raises(LogError, match=re.escape(f"{said} times as long only")) as refused:

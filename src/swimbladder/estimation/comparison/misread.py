@@ -5,7 +5,7 @@ Integrated twice, m z'' + k z' = -k_b (V - psi z - V_0) needs no derivative of a
 takes up start, speed, neutral volume and its drift. With times read 1000 times too long one is
 10 000 times the other.
 
-So does the factor by which depths go too far for their volumes, which names what was read wrong.
+So does any other column that was read wrong: as it was meant the two agree.
 """
 
 from __future__ import annotations
@@ -27,13 +27,15 @@ from swimbladder.vehicle import Vehicle
 Drive = Literal["volume", "voltage", "setpoint"]
 
 _UNITS = dict(s="seconds", ms="milliseconds", us="microseconds", min="minutes", h="hours")
-_FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0)  # true time over time as read, if that is no unit's
+_FACTORS = (1e-3, 1e-6, 60.0, 1e3, 1.0 / 60.0, 3600.0, 1.0 / 3600.0)
+# true time over time as read, if that is no unit's
 _ALIKE = (0.3, 3.0)  # of the vehicle's force: another vehicle of the kind, whose file is a guess
 _FAR = (0.1, 10.0)
 _EXPLAINED = 0.6  # of the variance: the motion is that of the volume
 _LEAST = 30  # samples
 _SMALL = 0.02  # m, less motion than which has no information
 _MOVED = 1e-3  # of the stroke, likewise of the volume
+_STILL = 1e-4  # of the stroke, within which a volume never changes
 _STROKES = 5.0  # more of them than this is another unit, or another vehicle
 
 
@@ -42,6 +44,12 @@ def _informative(depth: Array, under: Flags) -> slice | None:
     first, after = max(stretches(under), key=lambda run: run[1] - run[0], default=(0, 0))
     moves = after - first >= _LEAST and np.ptp(depth[first:after]) >= _SMALL
     return slice(first, after) if moves else None
+
+
+def is_still(volume: Array, vehicle: Vehicle) -> bool:
+    """Return whether a volume [m3] never changes by what counts."""
+    stroke = vehicle.stroke
+    return bool(np.ptp(volume) < _STILL * (stroke.maximum - stroke.minimum))
 
 
 def refuse_wrong_clock(
@@ -97,40 +105,63 @@ def misread(
 ) -> Finding | None:
     """Return which column was read wrong, where depths go with volumes as this vehicle's cannot.
 
-    under: which samples are clear of surface and bottom. None where they may be right, or do not
-    go with the volumes at all.
+    Of severity no where the log as read otherwise is this vehicle's. under: which samples are clear
+    of surface and bottom. None where they may be right, or do not go with the volumes at all.
     """
-    if (part := _informative(depth, under)) is None:
+    if (part := _informative(depth, under)) is None or is_still(volume[part], vehicle):
         return None
-    found = _fits(time[part], depth[part], volume[part], vehicle)
+    t, z, V = time[part], depth[part], volume[part]
+    found = _fits(t, z, V, vehicle)
+
+    def read(as_it_is: _Reading) -> _Fit:
+        _, of_depth, of_volume, ahead = as_it_is
+        x, y, v = ahead * t[::ahead], of_depth * z[::ahead], of_volume * V[::ahead]
+        return _fits(x, y, v, vehicle)
+
+    best = min(_READINGS, key=lambda one: read(one).off)
+    known = read(best)
+    if known.near(*_CLOSE) and known.explained > _SURE and known.off < _BETTER * found.off:
+        turned = [sentence("compare", "misread", "sign")] if best.of_volume < 0.0 else []
+        why = ", and ".join([*turned, best.text] if best.text else turned)
+        return Finding.of("compare", "read otherwise", why=why)
     if found.near(*_RIGHT) or not found.explained > _SURE:
         return None
-    size = abs(found.force)
-    nearest = min(_READ_AS, key=lambda factor: abs(math.log(size / factor)))
-    why = [sentence("compare", "misread", "sign")] if found.force < 0.0 else []
-    if not _RIGHT[0] < size < _RIGHT[1]:
-        known = abs(math.log(size / nearest)) < _CLOSE
-        why.append(_READ_AS[nearest] if known else sentence("compare", "misread", "unit"))
-        why.append(sentence("compare", "misread", "remedy"))
-    severity: Literal["no", "warning"] = "no" if found.force < 0.0 else "warning"
-    return Finding.of("compare", "misread", severity, times=found.force, why=". ".join(why))
+    return Finding.of("compare", "misread", times=found.force)
 
 
-# By which factor depths go too far for their volumes, where one unit was read as another.
-_READ_AS = {
-    unit_factor("ft", "m") ** -1: "a depth in feet was read as metres",
-    unit_factor("ft", "m"): "a depth in metres was read as feet",
-    unit_factor("psi", "kPa"): "a pressure in kPa was read as psi",
-    unit_factor("psi", "kPa") ** -1: "a pressure in psi was read as kPa",
-    unit_factor("in", "mm"): "a piston in inches was read as mm",
-    unit_factor("in", "mm") ** -1: "a piston in mm was read as inches",
-    **{
-        10.0**k: f"depth or volume is off by {10 ** abs(k)}, as mm for cm, or bar for dbar"
-        for k in (-3, -2, -1, 1, 2, 3)
-    },
-}
+class _Reading(NamedTuple):
+    """What was read wrong, and by what depths and volumes have to be multiplied."""
+
+    text: str
+    of_depth: float
+    of_volume: float
+    ahead: Literal[1, -1] = 1  # -1: from the last row to the first
+
+
+_FEET, _PSI, _INCH = unit_factor("ft", "m"), unit_factor("psi", "kPa"), unit_factor("in", "mm")
+_UNIT_READ_AS = (
+    _Reading("", 1.0, 1.0),
+    _Reading("a depth in feet was read as metres", _FEET, 1.0),
+    _Reading("a depth in metres was read as feet", 1.0 / _FEET, 1.0),
+    _Reading("a pressure in kPa was read as psi", 1.0 / _PSI, 1.0),
+    _Reading("a pressure in psi was read as kPa", _PSI, 1.0),
+    _Reading("a piston in inches was read as mm", 1.0, _INCH),
+    _Reading("a piston in mm was read as inches", 1.0, 1.0 / _INCH),
+    *(
+        _Reading(f"depth or volume is off by {10**k}, as mm for cm, or bar for dbar", *factors)
+        for k in (1, 2, 3)
+        for f in (10.0**k, 10.0**-k)
+        for factors in ((f, 1.0), (1.0, f))
+    ),
+)
+_READINGS = (
+    *_UNIT_READ_AS,
+    *(one._replace(of_volume=-one.of_volume) for one in _UNIT_READ_AS),
+    _Reading("the rows are in reverse order", 1.0, 1.0, -1),
+)
 _RIGHT, _SURE = (0.33, 3.0), 0.8  # of the vehicle's force, and of the variance explained
-_CLOSE = 0.2  # of a logarithm, within which a factor is a known one
+_CLOSE = (0.75, 1.33)  # of the force, within which another reading is right
+_BETTER = 0.25  # of what is not explained as read: less makes another reading the right one
 
 
 def _others(seconds: float | None) -> list[tuple[float, str | None]]:
@@ -151,6 +182,12 @@ class _Fit(NamedTuple):
 
     force: float
     explained: float
+
+    @property
+    def off(self) -> float:
+        """The share of the motion that the vehicle's own force does not explain; 1 for none."""
+        f = self.force
+        return 1.0 - self.explained * (2.0 - 1.0 / f) / f if f else 1.0
 
     def near(self, least: float, most: float) -> bool:
         return least <= self.force <= most

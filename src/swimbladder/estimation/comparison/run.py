@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.misread import Drive, misread
+from swimbladder.estimation.comparison.misread import Drive, is_still, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record, thinned
 from swimbladder.estimation.estimates import (
     DRIFT_STD,
@@ -639,29 +639,33 @@ def compare(
     outcome = adjust(vehicle, rec, names, advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
     of = f"after the first sample, of {rec.duration:.4g} s"
-    finite = np.isfinite(predicted)
+    finite, by = np.isfinite(predicted), rec.volume if rec.drive == "volume" else None
+    wrong = None if by is None else misread(rec.time, rec.depth, by, rec.compared, outcome.vehicle)
+    stopped = ""
     if solution is None and not finite.all():
-        raise NoAnswerError(
-            f"{log.source}: the model left the water {float(rec.time[finite][-1]):.4g} s {of}; fit "
-            "the neutral volume, or begin with `submerged=True`"
-        )
+        stopped = f"the model left the water {float(rec.time[finite][-1]):.4g} s {of}; fit "
+        stopped += "the neutral volume, or begin with `submerged=True`"
     if solution is not None and not solution.finished:
-        stopped = f"the model stopped {float(solution.time[-1]):.4g} s {of}"
-        raise NoAnswerError(f"{log.source}: {stopped}. {solution.stop.value}")
+        stopped = f"the model stopped {float(solution.time[-1]):.4g} s {of}. {solution.stop.value}"
+    if stopped:
+        raise NoAnswerError(f"{log.source}: {stopped if wrong is None else wrong.sentence}")
     measured, used = rec.depth[rec.compared], rec.compared
     off = predicted[used] - measured
     logged = rec.volume if rec.drive != "volume" else None
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
-    by = rec.volume if rec.drive == "volume" else None
-    if by is not None and (wrong := misread(rec.time, rec.depth, by, rec.compared, vehicle)):
+    if wrong is not None:
         if not explained >= _HALF:  # what follows from it need not be said
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
     elif not explained >= _HALF:
-        lost = bool(names) and not explained >= _LOST and rms(off) > MODEL_ERROR * _noise(rec)
-        findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
+        beyond = rms(off) > MODEL_ERROR * min(_noise(rec), _NOISIEST)
+        if by is not None and beyond and is_still(by, vehicle):
+            findings = [Finding.of("compare", "still")]
+        else:
+            lost = bool(names) and not explained >= _LOST and beyond
+            findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -681,6 +685,7 @@ def compare(
 
 
 _HALF = 0.5  # of how the depth varies; less is no model of the log
+_NOISIEST = 0.05  # m, of a depth's sensor
 _LOST = -1.0  # likewise: a depth that stays would be nearer to the log than what was fitted to it
 
 

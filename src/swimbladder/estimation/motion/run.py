@@ -16,7 +16,7 @@ from scipy.interpolate import PchipInterpolator
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.estimation.comparison.misread import Drive, misread
+from swimbladder.estimation.comparison.misread import Drive, is_still, misread
 from swimbladder.estimation.comparison.record import Record, record, warmed, water_of_each
 from swimbladder.estimation.estimates import (
     DRIFT_STD,
@@ -410,13 +410,12 @@ def identify(
     found = replace(found, findings=(*found.findings, *expands))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
         return found
-    wrong = [
-        misread(r.time, r.depth, r.volume, r.compared, vehicle)
-        for r in records
-        if r.drive == "volume" and r.volume is not None
-    ]
+    by = [(r, r.volume) for r in records if r.drive == "volume" and r.volume is not None]
+    wrong = [misread(r.time, r.depth, volume, r.compared, vehicle) for r, volume in by]
     named = tuple(dict.fromkeys(finding for finding in wrong if finding is not None))
-    return replace(found, findings=(*found.findings, *named[:1]))
+    still = len(by) == len(records) and all(is_still(volume, vehicle) for _, volume in by)
+    first = (Finding.of("compare", "still"),) if still else ()
+    return replace(found, findings=(*first, *found.findings, *named[:1]))
 
 
 def _heat(problem: Problem, vehicle: Vehicle) -> Heat | None:
