@@ -21,6 +21,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
@@ -51,6 +52,7 @@ _FINEST = 1e-4  # m; how the volume goes between two samples, which no log says,
 _STEP = 1e-4  # of a quantity's scale, for slopes
 _BENT = 0.05  # of a volume's deviation, that it is off a straight line
 _INSTANT = 1e-6  # s, between what is one instant
+_KEPT = 16  # ways in which the volumes of all stretches are driven
 
 
 class Quantity(NamedTuple):
@@ -123,6 +125,7 @@ class Likelihood:
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std, self.drift_std = problem.speed_std, problem.drift_std
         self.drift = 0.0  # m3/s, of the neutral volumes
+        self.driven: dict[tuple[float, ...], list[tuple[Samples, Index]]] = {}  # see `_driven`
         whole = stroke.maximum - stroke.minimum
         self.neutral_std = problem.neutral_std if self.known else _SHARE * whole
         self.records = tuple(e.record for e in problem.experiments)
@@ -159,7 +162,7 @@ class Likelihood:
 
     def filtered(self, x: Array) -> list[Filtered]:
         """Return the filter's run along every stretch."""
-        return [run.only(rows) for run, rows in self._runs(x, correlated=True)]
+        return [run.only(rows) for run, rows in self._runs(x)]
 
     def smoothed(self, x: Array) -> list[tuple[Array, Array]]:
         """Return state and covariance at every sample of every stretch, given all samples.
@@ -169,7 +172,7 @@ class Likelihood:
         found = [(run.smoothed(), rows) for run, rows in self._runs(x, correlated=False)]
         return [(mean[rows], covariance[rows]) for (mean, covariance), rows in found]
 
-    def _runs(self, x: Array, *, correlated: bool) -> Iterator[tuple[Filtered, Index]]:
+    def _runs(self, x: Array, *, correlated: bool = True) -> Iterator[tuple[Filtered, Index]]:
         """Yield the filter's run along every stretch, and which of its rows are samples."""
         values = self.named(x)
         clear = self.model.plant(values, self.model.base.V_0)
@@ -178,20 +181,36 @@ class Likelihood:
         if not correlated:
             depth = math.hypot(noise.depth, noise.correlated)
             noise = noise._replace(depth=depth, correlated=0.0)
-        for i, stretch in enumerate(self.samples):
-            record = self.records[self.record[i]]
-            assert record.volume is not None  # it drives them
-            moved = record.volume + values[EARLY.name] * self.early[self.record[i]]
-            s, rows = self._late(stretch, record.time, moved, values[_DELAY.name])
-            s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
-            gain, lag = record.gain + values[_HEAT.name], values[_LAG.name]
-            if record.warmth is not None and adds_warmth(record, gain, lag):
-                more = more_warmth(record, gain, lag)
-                s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
+        for i, (s, rows) in enumerate(self._driven(values)):
             if not correlated:
                 s = s._replace(volume_error=as_white(s.time, s.volume_error))
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
+
+    def _driven(self, values: Mapping[str, float]) -> list[tuple[Samples, Index]]:
+        """Return every stretch with the volumes that drive it, and where its samples are in it.
+
+        Most quantities do not change these: the last few are kept.
+        """
+        early, delay, heat, lag = (values[q.name] for q in (EARLY, _DELAY, _HEAT, _LAG))
+        key = (early, delay, heat, lag, self.drift)
+        found = self.driven.pop(key, None)
+        if found is None:
+            found = []
+            for stretch, i in zip(self.samples, self.record, strict=True):
+                record = self.records[i]
+                assert record.volume is not None  # it drives them
+                volume = record.volume + early * self.early[i]
+                s, rows = self._late(stretch, record.time, volume, delay)
+                s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
+                if record.warmth is not None and adds_warmth(record, record.gain + heat, lag):
+                    more = more_warmth(record, record.gain + heat, lag)
+                    s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
+                found.append((s, rows))
+        self.driven[key] = found
+        if len(self.driven) > _KEPT:
+            del self.driven[next(iter(self.driven))]
+        return found
 
     @staticmethod
     def _late(s: Samples, stamps: Array, volume: Array, delay: float) -> tuple[Samples, Index]:
@@ -250,16 +269,19 @@ class Likelihood:
 
     def __call__(self, x: Array) -> float:
         """Return the log posterior at x."""
-        total = sum(f.log_likelihood for f in self.filtered(x)) + self.prior(x)
+        total = sum(f.log_likelihood for f, _ in self._runs(x)) + self.prior(x)
         return float(total) if math.isfinite(total) else -1e12
 
     def _along(self, x: Array) -> tuple[Array, Array]:
         """Return innovation, variance and log likelihood of every sample [3, samples], and how
         often the filter has started anew in its stretch until then.
         """
-        runs = self.filtered(x)
-        parts = [(f.innovation, f.variance, f.contribution) for f in runs]
-        return np.concatenate(parts, axis=1), np.concatenate([_restarts(f) for f in runs])
+        parts = [
+            ((f.innovation[rows], f.variance[rows], f.contribution[rows]), _restarts(f.fate[rows]))
+            for f, rows in self._runs(x)
+        ]
+        along, began = zip(*parts, strict=True)
+        return np.concatenate(along, axis=1), np.concatenate(began)
 
     @np.errstate(invalid="ignore", over="ignore")  # of models that no vehicle is
     def scores(self, x: Array, *, central: bool = True) -> tuple[Array, Array]:
@@ -305,9 +327,11 @@ class Likelihood:
         return slopes[2] + 0.5 * _STEP * side * (de**2 + 0.5 * dS**2), de, dS
 
 
-def _restarts(run: Filtered) -> Array:
+def _restarts(fate: NDArray[np.int8]) -> Array:
     """Return a number [n] that two runs share where they have started anew at the same samples."""
-    again = run.fate == RESTARTED
+    again = fate == RESTARTED
+    if not again.any():
+        return np.zeros(len(again))
     return np.cumsum(np.where(again, np.sqrt(np.arange(2.0, len(again) + 2.0)), 0.0))
 
 
