@@ -259,7 +259,7 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     def limit(vehicle, drawn, promise):
         flown = vehicle, bound, found.step, drawn
         whole = trial_of(*flown, ballast=promise.ballast)
-        return limiting(vehicle, [bound], found.step, drawn, promise, whole)
+        return limiting(vehicle, [bound], found.step, drawn, promise, whole, {})
 
     assert "the supply at 4 V" in limit(FEUP, weak, promise)
     loud = FEUP.with_sensors(depth_noise=40e-3)
@@ -268,6 +268,34 @@ def test_the_cause_that_is_taken_away_is_the_one_that_is_named():
     # far more is asked than any controller can do
     soon = promise._replace(least=0.5 * found.least)
     assert "the vehicle itself" in limit(FEUP, fair, soon)
+
+
+@pytest.mark.parametrize(
+    ("left", "said"),
+    [
+        ((0.0, 0.0), "What limits it is how far the neutral volume is from what is known: several"),
+        ((1.2, 0.5), "What limits it is the sample time of 1 s: 0.25 s would help."),
+        ((1.2, 1.2), "What limits it is the vehicle itself, as well as it is known: 0.25 s would"),
+    ],
+)
+def test_gains_made_for_something_else_are_asked_where_no_cause_mends_all(left, said, monkeypatch):
+    """left: times too much without a doubt about the neutral volume, and with a shorter sample."""
+    known, shorter = left
+    asked = []
+
+    def flown(_vehicle, _law, _step, drawn, *, ballast):  # noqa: ARG001
+        mended = known if "V_0" in drawn.known else 1.3
+        return GOOD._replace(rms=mended * 1e-3)
+
+    monkeypatch.setattr("swimbladder.design.tuning.promise.trial_of", flown)
+    promise = Promise("quiet", math.nan, held=1e-3, ballast=0.0)
+    law, numbers = bind(FEUP.controller)
+    of = FEUP.with_sensors(depth_noise=0.0), [BoundLaw(law, numbers, 1.0)], STEP
+    found = GOOD._replace(rms=1.3e-3)
+    other = {("the sample time of 1 s", "0.25 s"): lambda: asked.append(1) or shorter}
+    drawn = Drawn(20, region(FEUP), math.inf, supervised=True)
+    assert limiting(*of, drawn, promise, found, other).startswith(said)
+    assert len(asked) == (1 if known else 0)  # it takes longest
 
 
 @pytest.mark.slow

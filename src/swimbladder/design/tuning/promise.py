@@ -5,7 +5,7 @@ could take; a quiet one holds the error allowed; whatever the goal, nearly all v
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from swimbladder.control.law import friction_of
@@ -148,8 +148,8 @@ _SUPERVISOR = (
     "before it goes deeper: a faster motor, less psi or a shorter step take less of that."
 )
 _VEHICLE = (
-    "What limits it is the vehicle itself, as well as it is known: a faster motor, a shorter "
-    "sample time, another law or a shorter step would help."
+    "What limits it is the vehicle itself, as well as it is known{}. A shorter step, a greater "
+    "error allowed or another law may help."
 )
 _TOGETHER = (
     "What limits it is the uncertainty of all parameters together, of none alone: a pool day as "
@@ -176,7 +176,7 @@ def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
 _HELPS = 0.9  # of what it is off, that is left where a cause is taken away
 
 
-def _off(promise: Promise, found: Trial) -> float:
+def off(promise: Promise, found: Trial) -> float:
     """Return how many times too much a trial is off what it has to keep; 0: it keeps all."""
     return max((times for _, times in broken(promise, found)), default=0.0)
 
@@ -189,7 +189,7 @@ def noise_limits(
     if quiet == vehicle:
         return False
     without = trial_of(quiet, law, step, drawn, ballast=promise.ballast)
-    return _off(promise, without) <= _HELPS * _off(promise, found)
+    return off(promise, without) <= _HELPS * off(promise, found)
 
 
 def _silent(vehicle: Vehicle) -> Vehicle:
@@ -203,17 +203,19 @@ def limiting(
     drawn: Drawn,
     promise: Promise,
     found: Trial,
+    others: Mapping[tuple[str, str], Callable[[], float]],
 ) -> str:
     """Return what limits gains that do not keep a promise, and what would help, as a sentence.
 
     laws: with these gains, and with others that a better sensor might allow; found: the trial of
-    the first. Every cause is taken away in turn: what leaves least is what limits.
+    the first. Every cause is taken away in turn: what leaves least is what limits. others: causes
+    and what would be without each, in words, with how far gains made for that are off.
     """
 
     def left(vehicle: Vehicle, drawn: Drawn, law: BoundLaw = laws[0]) -> float:
-        return _off(promise, trial_of(vehicle, law, step, drawn, ballast=promise.ballast))
+        return off(promise, trial_of(vehicle, law, step, drawn, ballast=promise.ballast))
 
-    whole, sensors = _off(promise, found), vehicle.sensors
+    whole, sensors = off(promise, found), vehicle.sensors
     outcomes = []
     causes = [*(_CAUSES if drawn.region is not None else ())]
     if vehicle.voltage_driven and any(friction_of(plant(vehicle))):
@@ -230,6 +232,9 @@ def limiting(
         outcomes.append((least, _NOISE.format(noise)))
     if drawn.column is not None:
         outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))
+    if min(outcomes, default=(whole, ""))[0] > 0.0:
+        for (cause, instead), after in others.items():
+            outcomes.append((after(), f"{cause}: {instead} would help"))
     least, words = min(outcomes, default=(whole, ""), key=lambda one: one[0])
     if least <= _HELPS * whole:
         return f"What limits it is {words}."
@@ -239,4 +244,5 @@ def limiting(
     alone = drawn.nominal._replace(supervised=False)
     if drawn.supervised and left(vehicle, alone) < _HELPS * nominal:
         return _SUPERVISOR
-    return _VEHICLE
+    tried = " or ".join(instead for _, instead in others)
+    return _VEHICLE.format(f": {tried} would not help" if tried else "")

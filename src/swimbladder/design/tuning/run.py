@@ -4,8 +4,10 @@ Which law `tune` takes where none is named, and why.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,7 +18,7 @@ from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning import gains, trial
-from swimbladder.design.tuning.promise import broken, least_of, limiting, promise_of
+from swimbladder.design.tuning.promise import broken, least_of, limiting, off, promise_of
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.trial import Trial
@@ -32,7 +34,7 @@ from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
 from swimbladder.units import rounded
-from swimbladder.vehicle import Controller, DatasheetPump, PumpAndValve, Vehicle
+from swimbladder.vehicle import Controller, DatasheetPump, Positioner, PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import no_such
 
 SOONER = 1.05  # times the time of the fastest law, within which the quietest is taken
@@ -108,6 +110,9 @@ def _figures(t: Tuning, goal: str) -> str:
     return said + (", not as promised" if t.unmet else "")
 
 
+_SEARCHED = 0.9  # of the work, before what limits gains is looked for
+_SHORTER, _FASTER = 4.0, 2.0  # times as short a sample, as fast a motor, that may be needed
+_FEW = 40  # runs while that is found out
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
@@ -237,9 +242,9 @@ def tune(
         least_time=least_of(noisy, goal, ends, supply=weak, sample_time=h),
     )
 
-    def one(name: str) -> Tuning | SwimbladderError:
+    def one(name: str) -> _Tuned | SwimbladderError:
         try:
-            return request.tuned(name, lambda x: advance(x / len(names)))
+            return request.tuned(name, lambda x: advance(_SEARCHED * x / len(names)))
         except SwimbladderError as error:
             if law is not None:
                 raise
@@ -247,7 +252,8 @@ def tune(
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         outcomes = dict(each(one, names))
-    found = {name: x for name in names if isinstance(x := outcomes[name], Tuning)}
+    tuned = {name: x for name in names if isinstance(x := outcomes[name], _Tuned)}
+    found = {name: x.answer for name, x in tuned.items()}
     unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
     if len(unfit) == len(names) == 1:
         raise unfit[names[0]]
@@ -258,7 +264,20 @@ def tune(
     if len(found) == 1 < len(names):
         why = f"The law {taken} is the only one that has gains for this."
     reasons = {name: str(error) for name, error in unfit.items()}
-    return replace(found[taken], choice=why, unfit=reasons)
+    answer = replace(found[taken], choice=why, unfit=reasons)
+    if answer.unmet:
+        with threadpool_limits(limits=1, user_api="blas"):
+            answer = replace(answer, limit=tuned[taken].limit())
+    advance(1.0 - _SEARCHED)
+    return answer
+
+
+class _Tuned(NamedTuple):
+    """The gains of a law, how far they are off what they have to keep, and what limits them."""
+
+    answer: Tuning
+    off: float
+    limit: Callable[[], str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,7 +301,42 @@ class _Request:
     off: Array  # m3, that a cast adds to the neutral volume over these depths
     least_time: float  # s, of the step; nan where it does not count
 
-    def tuned(self, name: str, advance: Advance) -> Tuning:
+    def but(self, **changes: Any) -> "_Request":
+        """Return the request with something else: a faster vehicle, a shorter sample."""
+        made = replace(self, **changes)
+        times = {"supply": made.supply, "sample_time": made.sample_time}
+        least = least_of(made.vehicle, made.goal, made.ends, **times)
+        return replace(made, around=region(made.vehicle), least_time=least)
+
+    def others(self, name: str) -> dict[tuple[str, str], Callable[[], float]]:
+        """Return what else may limit a law, and what would be without it, in words, each with how
+        far the gains that are made for that are off what they have to keep.
+        """
+        if self.pumped:
+            return {}
+        h, vehicle = self.sample_time / _SHORTER, self.vehicle
+        sample = f"the sample time of {self.sample_time:g} s", f"a sample time of {h:g} s"
+        changes: dict[tuple[str, str], dict[str, Any]] = {
+            sample: {"sample_time": h, "delay": self.delay / _SHORTER},
+        }
+        faster = "the speed of the motor", f"a motor {_FASTER:g} times as fast"
+        if isinstance(vehicle.engine, Positioner):
+            speed = _FASTER * vehicle.engine.speed
+            changes[faster] = {"vehicle": vehicle.but("actuator", speed=speed)}
+        elif vehicle.supply is not None:
+            fast = vehicle.but("supply", voltage=_FASTER * vehicle.supply.voltage)
+            changes[faster] = {"vehicle": fast, "supply": _FASTER * self.supply}
+
+        def after(change: Mapping[str, Any]) -> float:
+            try:
+                few = min(self.runs, _FEW)
+                return self.but(**change, runs=few).tuned(name, silent).off
+            except SwimbladderError:
+                return math.inf
+
+        return {words: partial(after, change) for words, change in changes.items()}
+
+    def tuned(self, name: str, advance: Advance) -> _Tuned:
         """Return the gains of the law of that name; raises as `tune` does."""
         vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
         h, supply, around, judged = self.sample_time, self.supply, self.around, self.judged
@@ -319,7 +373,8 @@ class _Request:
         if self.supervised and not pumped:
             depth = min(max(_IN_WAVES, depths[0]), depths[1])
             waves = trial.alarms_in_waves(vehicle, bound, depth, drawn)
-        return Tuning(
+        limit = partial(limiting, vehicle, laws, watched, drawn, promise, found.region)
+        answer = Tuning(
             result_vehicle=self._vehicle(controller_of(chosen, found.parameters, sample_time=h)),
             law=chosen,
             goal=goal,
@@ -340,8 +395,9 @@ class _Request:
             ballast=promise.ballast,
             waves=waves,
             unmet=unmet,
-            limit=limiting(vehicle, laws, watched, drawn, promise, found.region) if unmet else "",
         )
+        too_much = off(promise, found.region)
+        return _Tuned(answer, too_much, lambda: limit(self.others(name)))
 
     @property
     def pumped(self) -> bool:
