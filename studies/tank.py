@@ -32,8 +32,7 @@ from swimbladder.estimation.motion.process_noise import (
     fit_process_noise,
     with_heat,
 )
-from swimbladder.estimation.motion.random_effects import between_logs
-from swimbladder.estimation.motion.result import Values, identified_vehicle
+from swimbladder.estimation.motion.result import Values, between_logs, identified_vehicle
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log

@@ -4,14 +4,13 @@ import inspect
 import subprocess
 import sys
 from dataclasses import fields
-from importlib import import_module
 from typing import get_type_hints
 
 import pytest
 
 import swimbladder
 import swimbladder as sb
-from swimbladder.cli import COMMANDS
+from swimbladder.cli import COMMANDS, command_of
 from swimbladder.cli.options import Options
 from swimbladder.codegen.pool import PoolOptions
 from swimbladder.design.planning.task import Limits
@@ -160,7 +159,7 @@ ELSEWHERE = {
 
 def groups_of(command):
     """Return the types of the parameters of a command's function: groups of options, and others."""
-    function = of(command)
+    function = command_of(command)
     hints = get_type_hints(getattr(function, "__wrapped__", function))
     return [kind for kind in hints.values() if isinstance(kind, type)]
 
@@ -185,25 +184,19 @@ def names_of(function):
 FLOWN = sorted({*COMMANDS} - {"vehicle"})
 
 
-def of(command):
-    """Return the function of a command on the command line."""
-    name = command.replace("-", "_")
-    return getattr(import_module(f"swimbladder.cli.{name}"), name)
-
-
 def everything():
     """Return the parameters of all that is public, and the options of all commands."""
     takers = [getattr(sb, name) for name in sb.__all__ if not name.endswith("Error")]
     takers += [taker for several in RECORDS.values() for taker in several]
     python = set().union(*map(names_of, filter(callable, takers)))
-    return python, {option for command in FLOWN for _, option in options(of(command))}
+    return python, {option for command in FLOWN for _, option in options(command_of(command))}
 
 
 @pytest.mark.parametrize("command", sorted({*FLOWN} - {"pool"}))
 def test_every_command_is_a_function_that_takes_the_same(command):
     name = command.replace("-", "_")
     function = getattr(sb, name)
-    for group, option in options(of(command)):
+    for group, option in options(command_of(command)):
         takers = [function, *RECORDS.get(name, []), *READERS.get(group, [])]
         known = set().union(*map(names_of, takers))
         called = CALLED.get(option, {option}) | {option}

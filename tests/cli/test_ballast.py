@@ -10,7 +10,7 @@ import pytest
 from swimbladder.cli import main
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.templates import vehicle_template
+from swimbladder.io.vehicle_file import vehicle_template
 from swimbladder.physics.hull import check_mass, neutral_volume, weight_mass
 from swimbladder.physics.seawater import cast_column
 from tests.docs.test_reference import check, rows

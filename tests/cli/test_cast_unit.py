@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.cli.casts import refuse_doubted_unit
+from swimbladder.cli.reading import refuse_doubted_unit
 from swimbladder.design.law_comparison import compare_laws
 from swimbladder.design.tuning import tune
 from swimbladder.errors import InputError

@@ -6,29 +6,11 @@ import gsw
 import numpy as np
 import pytest
 
-from swimbladder.cli import (
-    ballast,
-    campaign,
-    compare_laws,
-    energy,
-    main,
-    mission,
-    simulate,
-    size,
-    tune,
-)
-from swimbladder.cli.casts import CastReading
+from swimbladder.cli import command_of, main
+from swimbladder.cli.reading import CastReading
 
-COMMANDS = {
-    "ballast": ballast.ballast,
-    "campaign": campaign.campaign,
-    "energy": energy.energy,
-    "mission": mission.mission,
-    "size": size.size,
-    "simulate": simulate.simulate,
-    "tune": tune.tune,
-    "compare-laws": compare_laws.compare_laws,
-}
+NAMES = "ballast campaign energy mission size simulate tune compare-laws"
+COMMANDS = {name: command_of(name) for name in NAMES.split()}
 SAMPLED = ("simulate", "tune", "compare-laws")
 OPTIONS = {
     "--cast-column": "salinity=S",
@@ -63,7 +45,9 @@ def words(command, tmp_path):
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_has_all_of_them_alike(command):
     assert set(CastReading.named().values()) == {"--cast", *OPTIONS}
-    taken, first = (inspect.signature(one).parameters for one in (COMMANDS[command], size.size))
+    taken, first = (
+        inspect.signature(one).parameters for one in (COMMANDS[command], COMMANDS["size"])
+    )
     for option in OPTIONS:
         name = option[2:].replace("-", "_")
         ours, theirs = (one[name].annotation.__metadata__[0] for one in (taken, first))

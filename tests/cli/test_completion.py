@@ -20,10 +20,10 @@ from swimbladder.design.tuning.gains import GOALS as TUNE_GOALS
 from swimbladder.estimation.comparison.record import DRIVES
 from swimbladder.estimation.motion.problem import LAWS as DRAG_LAWS
 from swimbladder.estimation.motion.result import ProcessNoise
-from swimbladder.io.cast_rows import Inversions
+from swimbladder.io.casts import Inversions
 from swimbladder.io.log_formats import FORMATS
 from swimbladder.io.presets import preset_names
-from swimbladder.io.templates import KINDS
+from swimbladder.io.vehicle_file import KINDS
 from swimbladder.jobs import EXECUTORS
 
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.cli.options import Sought
-from swimbladder.cli.texts import deviation, once
+from swimbladder.cli.options import Sought, deviation, once
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import Prior, read_priors, read_values
 from tests.quoted import refused

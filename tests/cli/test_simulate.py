@@ -13,7 +13,7 @@ import xarray
 import swimbladder
 from swimbladder.cli import main
 from swimbladder.io.presets import preset_text
-from swimbladder.io.templates import KINDS, vehicle_template
+from swimbladder.io.vehicle_file import KINDS, vehicle_template
 from tests.cf import cf_problems
 from tests.quoted import numbers
 
@@ -355,7 +355,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_anything_is_simulated(
     def run(*_):
         raise AssertionError("simulated")
 
-    monkeypatch.setattr("swimbladder.cli.simulate._run", run)
+    monkeypatch.setattr("swimbladder.cli.predict._simulated", run)
     (tmp_path / "file").write_text("x")
     assert main(["simulate", "feup-em", "--out", str(tmp_path / out)]) == 2
     assert "Choose another folder with --out" in capsys.readouterr().err

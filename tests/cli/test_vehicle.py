@@ -10,7 +10,7 @@ from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_names, preset_text
-from swimbladder.io.templates import KINDS, vehicle_start, vehicle_template
+from swimbladder.io.vehicle_file import KINDS, vehicle_start, vehicle_template
 
 
 def answer(capsys, *arguments):

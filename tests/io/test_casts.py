@@ -14,8 +14,7 @@ from scipy.io import netcdf_file
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.io.cast_columns import CAST_COLUMNS, kind_of
-from swimbladder.io.cast_rows import legs
-from swimbladder.io.casts import read_cast
+from swimbladder.io.casts import legs, read_cast
 from swimbladder.io.columns import plain_unit
 from swimbladder.physics.seawater import cast_column
 from tests.examples import examples

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_mission, load_vehicle, locate, vehicle_text
 from swimbladder.io.presets import preset_names, preset_text
-from swimbladder.io.templates import vehicle_template
+from swimbladder.io.vehicle_file import vehicle_template
 
 FEUP = preset_text("feup-em")
 MISSION = """\

@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swimbladder.io.log_checks import spikes
 from swimbladder.io.log_format import LogFormat
-from swimbladder.io.logs import read_log
+from swimbladder.io.logs import read_log, spikes
 from tests.log_files import write
 
 TIME = 0.5 * np.arange(600)

@@ -6,7 +6,7 @@ import tomllib
 import pytest
 
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.templates import KINDS, vehicle_start, vehicle_template
+from swimbladder.io.vehicle_file import KINDS, vehicle_start, vehicle_template
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.physics.seawater import uniform_column

@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 
 from swimbladder.io.config import load_vehicle, read_model
 from swimbladder.io.presets import preset_names
-from swimbladder.io.templates import KINDS, vehicle_template
-from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.io.vehicle_file import KINDS, vehicle_file, vehicle_template
 from swimbladder.vehicle import Identified, Vehicle
 
 

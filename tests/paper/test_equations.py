@@ -7,9 +7,9 @@ import pytest
 
 from swimbladder.control import cascade
 from swimbladder.design.linear import StateSpace, transfer
-from swimbladder.paper import actuation, equations_actuator, equations_motion
-from swimbladder.paper.equations_actuator import actuator_checks
-from swimbladder.paper.equations_motion import motion_checks
+from swimbladder.paper import equations
+from swimbladder.paper import evidence as evidences
+from swimbladder.paper.equations import actuator_checks, motion_checks
 from swimbladder.paper.verdict import EquationCheck, deviation
 from swimbladder.physics import actuator, oil
 from swimbladder.sim.closed_loop import Solution
@@ -81,29 +81,29 @@ MUTATIONS = [
     (8, actuator, "hydraulic_volume_per_angle"),
     (9, transfer, "volume_per_voltage"),
     (9, transfer, "volume_per_depth"),
-    (10, equations_motion, "acceleration"),
-    (11, equations_actuator, "motor_rhs"),
-    (12, equations_actuator, "motor_rhs"),
-    (13, equations_motion, "acceleration"),
-    (14, equations_actuator, "motor_rhs"),
-    (15, equations_motion, "drive"),
-    (16, equations_motion, "drag_per_mass"),
-    (17, equations_actuator, "linearise"),
-    (18, equations_motion, "linearise"),
+    (10, equations, "acceleration"),
+    (11, equations, "motor_rhs"),
+    (12, equations, "motor_rhs"),
+    (13, equations, "acceleration"),
+    (14, equations, "motor_rhs"),
+    (15, equations, "drive"),
+    (16, equations, "drag_per_mass"),
+    (17, equations, "linearise"),
+    (18, equations, "linearise"),
     (19, transfer, "volume_per_voltage"),
     (20, transfer, "depth_per_volume_physical"),
-    (21, actuation, "drive"),
+    (21, evidences, "drive"),
     (23, actuator, "to_identified"),
     (24, actuator, "to_identified"),
-    (23, actuation, "drive"),
-    (24, actuation, "drive"),
-    (25, equations_motion, "linearise"),
-    (26, equations_motion, "fit_speed"),
-    (27, equations_motion, "fit_depth"),
-    (28, equations_motion, "drive"),
-    (29, equations_motion, "drive"),
+    (23, evidences, "drive"),
+    (24, evidences, "drive"),
+    (25, equations, "linearise"),
+    (26, equations, "fit_speed"),
+    (27, equations, "fit_depth"),
+    (28, equations, "drive"),
+    (29, equations, "drive"),
     (30, transfer, "depth_per_volume_identified"),
-    (31, equations_motion, "acceleration"),
+    (31, equations, "acceleration"),
     (32, transfer, "depth_per_volume"),
     (33, transfer, "volume_per_voltage_identified"),
     (33, transfer, "volume_per_depth_identified"),

@@ -13,9 +13,9 @@ from matplotlib.image import imread
 
 from swimbladder.errors import InputError
 from swimbladder.io.files import publish
-from swimbladder.paper import AMOUNT, reproduce, tables
+from swimbladder.paper import AMOUNT, reproduce
 from swimbladder.paper.evidence import gather
-from swimbladder.paper.page import ERRATA
+from swimbladder.paper.page import ERRATA, table1, table2
 from swimbladder.paper.verdict import Known, Verdict, claim, number
 from tests.pages import figures_of, without_scripts
 
@@ -336,7 +336,7 @@ def test_a_claim_agrees_is_explained_or_fails():
 
 def test_table_1_is_from_the_datasheets():
     """By hand from the two examples' datasheets."""
-    cells = {row[0]: row[2:4] for row in tables.table1(gather_once())}
+    cells = {row[0]: row[2:4] for row in table1(gather_once())}
     assert cells["k_u"] == (f"{0.0603 / 1.16:.4g} N m/V", f"{0.02967 / 1.523:.4g} N m/V")
     k_qh, k_qe = 0.08e-6 / (2 * math.pi), 0.002 / 24 * 75e-4 / (2 * math.pi)
     assert cells["k_q"] == (f"{k_qh:.4g} m3/rad", f"{k_qe:.4g} m3/rad")
@@ -346,7 +346,7 @@ def test_table_1_is_from_the_datasheets():
 
 
 def test_table_2_has_paper_and_ours_side_by_side(made):
-    rows = {row[0]: row[1:] for row in tables.table2(gather_once())}
+    rows = {row[0]: row[1:] for row in table2(gather_once())}
     found = made[1]["table2"]
     assert rows["(26), V to dz/dt"][:3] == ("-7935.54", "36.3", f"{-found['row_26']['K2']:.2f}")
     assert rows["(27), V to z"][:3] == ("-7634.95", "35.7", f"{-found['row_27']['K2']:.2f}")

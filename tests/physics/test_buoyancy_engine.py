@@ -13,7 +13,7 @@ from swimbladder.physics import steady_drives as sd
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.physics.electric import steady_drive
-from swimbladder.physics.pump_start import OilLine, pump_start
+from swimbladder.physics.steady_drives import OilLine, pump_start
 from swimbladder.vehicle import (
     CurvePump,
     DatasheetPump,

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicHermiteSpline
 
-from swimbladder.physics.pump_start import OilLine, line_curves, pump_start
+from swimbladder.physics.steady_drives import OilLine, line_curves, pump_start
 from swimbladder.vehicle import Oil
 
 ATMOSPHERE = 101325.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from swimbladder.io.tables import rows_csv
-from swimbladder.show.files import write_all
+from swimbladder.show.answers import write_all
 from swimbladder.show.picture import Picture
 
 

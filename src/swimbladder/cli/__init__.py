@@ -1,8 +1,8 @@
 """The command line: ``swimbladder COMMAND VEHICLE ...``.
 
-Each command is a module of this package that holds what is registered under the same name: a
-function, or a ``typer.Typer`` where the command has commands of its own. Only the module of the
-command that was asked for is imported, so that ``--help`` answers at once. Exit codes: 0 done,
+Each group of commands is a module of this package that holds what is registered under a command's
+name: a function, or a ``typer.Typer`` where the command has commands of its own. Only the module of
+the command that was asked for is imported, so that ``--help`` answers at once. Exit codes: 0 done,
 1 the answer is "no", 2 bad input, 130 interrupted, 143 terminated.
 """
 
@@ -17,7 +17,7 @@ import typer
 
 from swimbladder.cli.common import run, stop_on_terminate
 
-__all__ = ["COMMANDS", "GROUPS", "main"]
+__all__ = ["COMMANDS", "GROUPS", "command_of", "main"]
 
 GROUPS = {
     "Describe a vehicle": {
@@ -53,6 +53,8 @@ GROUPS = {
     },
 }
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
+PANELS = {name: panel for panel, commands in GROUPS.items() for name in commands}
+MODULES = dict(zip(GROUPS, ("describe", "predict", "measure", "control", "check_us"), strict=True))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -89,19 +91,23 @@ def _app(wanted: set[str | None], *, before: bool) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
     )
     app.callback()(_root)
-    panels = {name: panel for panel, commands in GROUPS.items() for name in commands}
     for name, summary in COMMANDS.items():
-        how: dict[str, Any] = {"help": summary, "rich_help_panel": panels.get(name)}
+        how: dict[str, Any] = {"help": summary, "rich_help_panel": PANELS[name]}
         if name not in wanted:
             app.command(name, **how)(_not_loaded)
             continue
-        module = name.replace("-", "_")
-        command = getattr(import_module(f"swimbladder.cli.{module}"), module)
+        command = command_of(name)
         if isinstance(command, typer.Typer):
             app.add_typer(command, name=name, **how)
         else:
             app.command(name)(command)
     return app
+
+
+def command_of(name: str) -> Any:
+    """Return what is registered as a command, from the module of its group."""
+    home = import_module(f"swimbladder.cli.{MODULES[PANELS[name]]}")
+    return getattr(home, name.replace("-", "_"))
 
 
 def _not_loaded() -> None:

@@ -66,7 +66,7 @@ def _names(word: str) -> Iterable[str]:
 
         return FORMATS.names()
     if word == "KIND":
-        from swimbladder.io.templates import KINDS
+        from swimbladder.io.vehicle_file import KINDS
 
         return KINDS
     if word.startswith("LAW"):

@@ -16,15 +16,18 @@ from typing import TYPE_CHECKING, Any
 from swimbladder.cli.common import aside, compile_notice, console, output, progress
 from swimbladder.cli.options import (
     Files,
+    Given,
     Options,
+    Several,
     Sought,
     VehicleName,
+    deviation,
     flag,
     grouped,
     loaded,
+    pair,
     valued,
 )
-from swimbladder.cli.texts import Given, Several, deviation, pair
 from swimbladder.errors import InputError, SwimbladderError, UnitError
 from swimbladder.show.text import rich_table
 from swimbladder.units import parse_quantity, quantity

@@ -1,4 +1,4 @@
-"""Files in and out: vehicles and missions (`config`, `presets`, `templates`), logs, results.
+"""Files in and out: vehicles and missions (`config`, `presets`, `vehicle_file`), logs, results.
 
 `files` writes whole files or none; `tables` writes CSV and CF netCDF files with it.
 """

@@ -18,8 +18,7 @@ from swimbladder.io.columns import check_columns, named_columns, no_column
 from swimbladder.io.files import pipes_kept
 from swimbladder.io.float_log import DEVICES, FloatLog, table_log
 from swimbladder.io.log_format import LogColumn, format_of
-from swimbladder.io.log_formats.argo import is_argo, read_argo
-from swimbladder.io.log_formats.argo_trajectory import read_trajectory
+from swimbladder.io.log_formats.argo import is_argo, read_argo, read_trajectory
 from swimbladder.io.log_formats.mermaid import is_mermaid, read_mermaid
 from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, counted, is_frame, is_netcdf, read_bytes

@@ -1,8 +1,8 @@
 """The paper redone: every figure, table, equation and published number, in one report.
 
-`evidence` simulates and fits, `equations_actuator` and `equations_motion` check (1) to (37),
-`published` compares numbers, `verdict` says what a comparison comes to, `tables` and `page` put it
-together. The texts stand in TOML files beside the modules.
+`evidence` simulates and fits, `equations` checks (1) to (37), `published` compares numbers,
+`verdict` says what a comparison comes to, `page` puts it together. The texts stand in TOML files
+beside the modules.
 """
 
 from pathlib import Path
@@ -12,12 +12,11 @@ from swimbladder.errors import InputError
 from swimbladder.io.answers import plain
 from swimbladder.io.files import check_place
 from swimbladder.io.progress import Advance, silent
-from swimbladder.paper.equations_actuator import actuator_checks
-from swimbladder.paper.equations_motion import motion_checks
+from swimbladder.paper.equations import actuator_checks, motion_checks
 from swimbladder.paper.evidence import STAGES, gather
 from swimbladder.paper.page import FIGURES, Judged, answer, draw, page, trajectories
 from swimbladder.paper.published import independent, published
-from swimbladder.show.files import write_all
+from swimbladder.show.answers import write_all
 from swimbladder.show.parts import REPORT
 
 __all__ = ["AMOUNT", "reproduce"]

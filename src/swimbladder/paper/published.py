@@ -14,8 +14,7 @@ import numpy as np
 from swimbladder.control.registry import bind
 from swimbladder.design.linear import linearise
 from swimbladder.design.linear.depths import double_integrator_phase_margin, doubling_time
-from swimbladder.paper.actuation import TRAVELS
-from swimbladder.paper.evidence import VOLUME_STEPS, Evidence
+from swimbladder.paper.evidence import TRAVELS, VOLUME_STEPS, Evidence
 from swimbladder.paper.verdict import Finding, compared, judged
 from swimbladder.physics.actuator import reduced
 from swimbladder.physics.dynamics import plant

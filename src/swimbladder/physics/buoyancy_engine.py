@@ -18,15 +18,16 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.physics.steady_drives import (
     REFERENCE_TEMPERATURE,
+    OilLine,
     SteadyPoint,
     battery_power,
     datasheet_point,
     full_voltage,
     motor_point,
     pump_run,
+    pump_start,
     terminal_power,
     valve_flow,
 )

@@ -14,9 +14,8 @@ from swimbladder.estimation.actuator.model import drive_of, shown, shown_unit, s
 from swimbladder.estimation.actuator.result import Known, Step
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.estimates import STRONG, row
-from swimbladder.show.files import Gone
 from swimbladder.show.html import TEXTS
-from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled, severity
+from swimbladder.show.parts import Drawn, Gone, Labelled, Part, Shown, Table, labelled, severity
 from swimbladder.show.picture import Ink, Panel, Picture, one_panel, stacked
 from swimbladder.units import rounded, unit_factor
 

@@ -13,10 +13,13 @@ import numpy as np
 from markupsafe import Markup
 
 from swimbladder.errors import NoAnswerError
-from swimbladder.io.files import write_atomically
+from swimbladder.io.answers import json_text
+from swimbladder.io.files import make_folder, publish, write_atomically
 from swimbladder.io.netcdf import cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
-from swimbladder.show.parts import REPORT, Drawn, Part, Shown, Table, sentences
+from swimbladder.io.tables import write_csv
+from swimbladder.show.parts import REPORT, Drawn, Gone, Part, Shown, Table, sentences, written_by
+from swimbladder.show.picture import Picture
 from swimbladder.show.text import Output, shortened, text_lines
 
 if TYPE_CHECKING:
@@ -25,6 +28,51 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from swimbladder.io.answers import Answer
+
+
+def write_all(
+    out: Path, contents: Mapping[str, object], *, advance: Advance = silent
+) -> list[Path]:
+    """Write files into the folder `out`, all of them or none, and return their paths.
+
+    contents: by name, below the folder: a text; a figure; the columns of a name that ends with
+    .csv; the answer of one that ends with .json; or what writes the file, called with its path; or
+    `Gone`. advance: called with each file's share of the work. Raises InputError where the folder
+    cannot be written.
+    """
+    made = {name: content for name, content in contents.items() if not isinstance(content, Gone)}
+
+    def write(folder: Path) -> None:
+        for name, content in made.items():
+            make_folder((folder / name).parent)
+            _write(folder / name, content)
+            advance(1.0 / len(made))
+
+    make_folder(out.parent)
+    publish(out, write)
+    for pattern, gone in contents.items():
+        if isinstance(gone, Gone):
+            stale = {*out.glob(pattern)} - {out / name for name in made}
+            for path in stale:
+                if not gone.head or written_by(path, gone.head):
+                    path.unlink()
+    return [out / name for name in made]
+
+
+def _write(path: Path, content: Any) -> None:
+    if isinstance(content, Picture):
+        from swimbladder.show.static import save
+
+        save(content, path)
+    elif isinstance(content, str | bytes):
+        write_atomically(path, content)
+    elif callable(content):
+        content(path)
+    elif path.suffix == ".json":
+        write_atomically(path, json_text(content) + "\n")
+    else:
+        write_csv(path, content)
+
 
 _WIDTH = 98
 _UNITS = frozenset(["m", "m2", "m3", "s", "V", "A", "W", "J", "Pa", "kg", "N", "rad", "degC", "h"])
@@ -37,7 +85,7 @@ ROOMS = {
     "BoardAnswer": "firmware",
     "Campaign": "campaign",
     "Comparison": "comparison",
-    "DeepIdentification": "deep",
+    "DeepIdentification": "identification",
     "Design": "design",
     "Energy": "energy",
     "FaultResult": "faults",
@@ -179,8 +227,6 @@ def write(
     command: how the page says that it was made; advance: called with each share of the work; also:
     what is there already.
     """
-    from swimbladder.show.files import write_all
-
     own = [*also, *shown.before(folder)]
     names = [path.relative_to(folder).as_posix() for path in own]
     return write_all(folder, contents(shown, command, advance, names)) + own
@@ -190,7 +236,6 @@ def contents(
     shown: Shown[Any], command: str = "", advance: Advance = silent, also: Sequence[str] = ()
 ) -> Mapping[str, object]:
     """Return the contents of the files of an answer, by name, its page first; see `write`."""
-    from swimbladder.show.files import Gone
     from swimbladder.show.html import answer_page
 
     parts = list(shown.parts())

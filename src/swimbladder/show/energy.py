@@ -18,8 +18,7 @@ from swimbladder.design.energy import (
 from swimbladder.design.energy.fit import run_columns
 from swimbladder.design.energy.run import dive_columns, fit_sentences, spread_indices
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.show.files import Gone
-from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
+from swimbladder.show.parts import Drawn, Gone, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle

@@ -17,16 +17,16 @@ from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture
 from swimbladder.sim.engine.rodas.records import HOLDING, Note, Records
 from swimbladder.sim.mission.balance import PUMP, VALVE, consumer_energy, drawn_energy, mean_power
-from swimbladder.sim.mission.export import float_configuration
-from swimbladder.sim.mission.orders import law_words
-from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.tables import (
+from swimbladder.sim.mission.export import (
     cycle_columns,
     cycle_words,
     events_csv,
+    float_configuration,
     speeds,
     trajectory_columns,
 )
+from swimbladder.sim.mission.orders import law_words
+from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.words import span_words
 
 _NEAR_EMPTY = 50.0  # % of charge, below which zero is drawn too

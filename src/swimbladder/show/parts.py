@@ -70,6 +70,19 @@ class Drawn(NamedTuple):
     part: str = ""
 
 
+class Gone(NamedTuple):
+    """No file: those that match are taken away, if they begin with a head, as a comment."""
+
+    head: str = ""
+
+
+def written_by(path: Path, head: str) -> bool:
+    """Whether a file begins with this head, as a comment: it is not somebody else's."""
+    from swimbladder.io.config import file_text
+
+    return path.is_file() and file_text(path).startswith(f"# {head}")
+
+
 Part = str | Labelled | Table | Drawn
 A = TypeVar("A")
 _NONE: Mapping[str, object] = MappingProxyType({})

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from swimbladder.design.experiments.conditions import Conditions, Flight, follow, ramps
-from swimbladder.design.experiments.evaluation import predict
+from swimbladder.design.experiments.conditions import Conditions, Flight, follow, predict, ramps
 from swimbladder.design.plan import load_plan, plan_file
 from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log

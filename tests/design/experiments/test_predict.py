@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from swimbladder.design.experiments.conditions import Release, fisher_information, follow
-from swimbladder.design.experiments.evaluation import (
+from swimbladder.design.experiments.conditions import (
+    Release,
+    fisher_information,
+    follow,
     predict,
     without_drift,
     without_psi,

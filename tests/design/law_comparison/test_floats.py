@@ -19,7 +19,7 @@ from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import ALONE, BOARD, Drawn
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.templates import vehicle_template
+from swimbladder.io.vehicle_file import vehicle_template
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Supervisor
 from tests.quoted import refused

@@ -7,10 +7,18 @@ import numpy as np
 import pytest
 from scipy.linalg import null_space
 
-from swimbladder.design.planning import least_time, linear_program, plan
-from swimbladder.design.planning.linear_program import Goal, Near, interior, posed, vertex
-from swimbladder.design.planning.nominal_trajectory import backward, resting
-from swimbladder.design.planning.task import steps_along, task_of
+from swimbladder.design.planning import least_time, plan
+from swimbladder.design.planning import task as tasks
+from swimbladder.design.planning.run import backward, resting
+from swimbladder.design.planning.task import (
+    Goal,
+    Near,
+    interior,
+    posed,
+    steps_along,
+    task_of,
+    vertex,
+)
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
@@ -106,7 +114,7 @@ def test_the_simulator_follows_the_plan_and_the_plan_its_limits(vehicle, options
 
 def test_a_longer_tail_to_rest_allows_no_sooner_arrival(monkeypatch):
     found = least_time(FEUP, 1.5, 3.0)
-    monkeypatch.setattr("swimbladder.design.planning.nominal_trajectory._TAIL", 5.0)
+    monkeypatch.setattr("swimbladder.design.planning.run._TAIL", 5.0)
     assert least_time(FEUP, 1.5, 3.0).samples == found.samples
 
 
@@ -243,9 +251,9 @@ def test_corner_and_interior_are_optima_of_the_same_program():
 
 def test_what_the_interior_point_method_does_not_solve_the_simplex_method_does(monkeypatch):
     known, told = least_time(FEUP, 1.5, 3.0), []
-    corner = linear_program.vertex
-    monkeypatch.setattr(linear_program, "_INTERIOR", 2)
-    monkeypatch.setattr(linear_program, "vertex", lambda p: told.append(p) or corner(p))
+    corner = tasks.vertex
+    monkeypatch.setattr(tasks, "_INTERIOR", 2)
+    monkeypatch.setattr(tasks, "vertex", lambda p: told.append(p) or corner(p))
     found = least_time(FEUP, 1.5, 3.0)
     assert told
     assert found.samples == known.samples
@@ -293,14 +301,14 @@ def test_an_energy_that_is_not_convex_is_said_to_be_least_near_by(monkeypatch):
     """A motor that gives more than it takes: no voltages near the plan's take less."""
     vehicle = smooth_motor()
     task = task_of(vehicle, 1.5, 3.0)
-    R, kappa = linear_program.winding(task)
-    monkeypatch.setattr(linear_program, "winding", lambda _: (R, 1.2 / task.plant.gain))
+    R, kappa = tasks.winding(task)
+    monkeypatch.setattr(tasks, "winding", lambda _: (R, 1.2 / task.plant.gain))
     n = 100
     steps = steps_along(task.plant, task.sample_time, np.zeros(n + 1), np.zeros(n, bool))
-    found = linear_program.least_energy(task, steps, n)
+    found = tasks.least_energy(task, steps, n)
     assert not found.proven
     assert found.objective < 0.0
-    other = linear_program.least_energy(task, steps, n, Near((found.states[:, 3], 1e-3)))
+    other = tasks.least_energy(task, steps, n, Near((found.states[:, 3], 1e-3)))
     assert other.objective >= found.objective * (1 + 1e-3)
     assert kappa * task.plant.gain < 1.0  # the true motor's is
 

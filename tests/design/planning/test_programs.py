@@ -9,8 +9,15 @@ from scipy.linalg import expm, null_space
 from scipy.optimize import linprog
 from scipy.sparse import lil_array
 
-from swimbladder.design.planning import least_time, nominal_trajectory, plan
-from swimbladder.design.planning.linear_program import (
+from swimbladder.design.planning import least_time, plan, run
+from swimbladder.design.planning.run import (
+    backward,
+    best_load_direction,
+    resting,
+    search_least,
+    settle,
+)
+from swimbladder.design.planning.task import (
     Goal,
     Near,
     Solved,
@@ -18,15 +25,9 @@ from swimbladder.design.planning.linear_program import (
     least_energy,
     scale_of,
     solve,
+    steps_along,
+    task_of,
 )
-from swimbladder.design.planning.nominal_trajectory import (
-    backward,
-    best_load_direction,
-    resting,
-    settle,
-)
-from swimbladder.design.planning.run import search_least
-from swimbladder.design.planning.task import steps_along, task_of
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import drive
@@ -242,7 +243,7 @@ def test_rounds_that_go_to_and_fro_settle_on_a_leash_only(monkeypatch):
     about.append(np.zeros(n + 1))
     _, settled = settle(task, program, resting(n))
     assert settled.speed == pytest.approx(optimum, abs=1e-2 * scale_of(task).state[3])
-    monkeypatch.setattr(nominal_trajectory, "_FREE", 999)
+    monkeypatch.setattr(run, "_FREE", 999)
     about[:] = [np.zeros(n + 1)]
     with pytest.raises(NoAnswerError, match="does not settle"):
         settle(task, program, resting(n))

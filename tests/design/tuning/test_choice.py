@@ -12,9 +12,9 @@ from swimbladder.control.registry import bind
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import Search
-from swimbladder.design.tuning.promise import (
+from swimbladder.design.tuning.gains import (
     Promise,
+    Search,
     broken,
     least_of,
     limiting,
@@ -287,7 +287,7 @@ def test_gains_made_for_something_else_are_asked_where_no_cause_mends_all(left, 
         mended = known if "V_0" in drawn.known else 1.3
         return GOOD._replace(rms=mended * 1e-3)
 
-    monkeypatch.setattr("swimbladder.design.tuning.promise.trial_of", flown)
+    monkeypatch.setattr("swimbladder.design.tuning.gains.trial_of", flown)
     promise = Promise("quiet", math.nan, held=1e-3, ballast=0.0)
     law, numbers = bind(FEUP.controller)
     of = FEUP.with_sensors(depth_noise=0.0), [BoundLaw(law, numbers, 1.0)], STEP

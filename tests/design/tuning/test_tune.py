@@ -16,7 +16,16 @@ from swimbladder.design.analysis import analyse
 from swimbladder.design.linear.sampled import BoundLaw, linearise_law, loop_of
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import margins, tune
-from swimbladder.design.tuning.gains import Goal, Search, gains, grid, setting_of, tunable
+from swimbladder.design.tuning.gains import (
+    Goal,
+    Promise,
+    Search,
+    broken,
+    gains,
+    grid,
+    setting_of,
+    tunable,
+)
 from swimbladder.design.tuning.margins import (
     WANTED,
     exactly,
@@ -25,7 +34,6 @@ from swimbladder.design.tuning.margins import (
     worst,
     worst_margin_ratio,
 )
-from swimbladder.design.tuning.promise import Promise, broken
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import (
     ALONE,

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.errors import LogError
-from swimbladder.estimation.comparison.drive_outliers import drive_outliers, filled
-from swimbladder.estimation.comparison.record import record
+from swimbladder.estimation.comparison.record import drive_outliers, filled, record
 from swimbladder.estimation.motion import identify
 from swimbladder.io.config import load_vehicle
 from tests.estimation.motion import pool

@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.optimize import least_squares
 
-from swimbladder.estimation.motion.fit import fit, regression
-from swimbladder.estimation.motion.noise import autocovariance
+from swimbladder.estimation.motion.fit import autocovariance, fit, regression
 from swimbladder.estimation.motion.process_noise import fit_process_noise
 from tests.estimation.motion.pool import FEUP, campaign, pool_log
 from tests.estimation.motion.test_problem import FEUP_EM, problem_of, scipy_depths

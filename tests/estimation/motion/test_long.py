@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from swimbladder.estimation.motion import identify
-from swimbladder.estimation.motion.noise import cost
+from swimbladder.estimation.motion.fit import cost
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import FEUP, trace

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
-from swimbladder.estimation.motion.noise import (
+from swimbladder.estimation.motion.fit import (
     autocovariance,
     autoregression,
     pooled,

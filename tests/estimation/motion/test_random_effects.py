@@ -9,7 +9,7 @@ from scipy.linalg import expm
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.ahead import Tuning, unknowns
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion.random_effects import FEWEST, between_logs
+from swimbladder.estimation.motion.result import FEWEST, between_logs
 from swimbladder.io.config import load_vehicle, read_model
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.vehicle import Vehicle

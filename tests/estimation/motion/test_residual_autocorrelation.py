@@ -5,7 +5,7 @@ import pytest
 from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 
-from swimbladder.estimation.motion.noise import ArNoise, ar_noises, autoregression, information
+from swimbladder.estimation.motion.fit import ArNoise, ar_noises, autoregression, information
 
 
 def _designs():

@@ -15,9 +15,8 @@ from swimbladder.io.mission import Mission
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.sim.campaign.draw import Drawn, draw, varied
 from swimbladder.sim.campaign.result import Campaign, share_interval
-from swimbladder.sim.campaign.run import Floats
+from swimbladder.sim.campaign.run import Drawn, Floats, draw, varied
 from swimbladder.sim.campaign.store import ROW
 from swimbladder.sim.engine.rodas.motion import rate_of
 from swimbladder.sim.engine.rodas.records import Account, Doing, Table

@@ -14,9 +14,8 @@ from swimbladder.jobs import Workers, run
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.show.campaign import draw_sensitivity
 from swimbladder.show.static import figure
-from swimbladder.sim.campaign.draw import Design, Drawn, indices
 from swimbladder.sim.campaign.result import Sensitivity
-from swimbladder.sim.campaign.run import Floats
+from swimbladder.sim.campaign.run import Design, Drawn, Floats, indices
 from swimbladder.vehicle.spread import Spread
 
 THREE = Spread(trim=1.0, psi=1.0, drag=0.3, pump=0.0)

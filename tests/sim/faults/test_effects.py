@@ -12,9 +12,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 from swimbladder.sim.closed_loop.lane import N_PLANT
 from swimbladder.sim.engine import modes
-from swimbladder.sim.faults import fault_effects as effects
-from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
-from swimbladder.sim.faults.kinds import EFFECTS, KINDS, On, Op
+from swimbladder.sim.faults import kinds as effects
+from swimbladder.sim.faults.kinds import EFFECTS, KINDS, MOST, NOTHING_KEPT, On, Op, PumpTable
 from tests.sim.faults.oracle import Fault
 
 ALWAYS, TICK = math.inf, 0.25

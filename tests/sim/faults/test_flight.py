@@ -18,8 +18,10 @@ from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.lane import N_PLANT, Row
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.sim.faults.draw import RESULT, Result
-from swimbladder.sim.faults.fault_effects import (
+from swimbladder.sim.faults.flight import EARLY, FULL, OWN, _hand_on
+from swimbladder.sim.faults.kinds import (
     NOTHING_KEPT,
+    On,
     _held,
     act,
     acted,
@@ -27,8 +29,6 @@ from swimbladder.sim.faults.fault_effects import (
     flip,
     see_depth,
 )
-from swimbladder.sim.faults.flight import EARLY, FULL, OWN, _hand_on
-from swimbladder.sim.faults.kinds import On
 from tests.sim.faults.oracle import Fault
 
 ALWAYS = math.inf

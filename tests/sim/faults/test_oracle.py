@@ -10,8 +10,7 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import Plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.faults.draw import TRACE
-from swimbladder.sim.faults.fault_effects import board_misses
-from swimbladder.sim.faults.kinds import KINDS, On, Range, draw_fault, kinds_of
+from swimbladder.sim.faults.kinds import KINDS, On, Range, board_misses, draw_fault, kinds_of
 from swimbladder.sim.faults.run import fly_one
 from tests.layered import SEA as SALT
 from tests.layered import added, density

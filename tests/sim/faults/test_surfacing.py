@@ -12,9 +12,8 @@ import pytest
 from swimbladder.sim.closed_loop.lane import N_PLANT, Row
 from swimbladder.sim.engine import modes
 from swimbladder.sim.engine.modes import NO_LAYERS
-from swimbladder.sim.faults.fault_effects import _FLOWS
 from swimbladder.sim.faults.flight import _filled, _go_on, _read_of_waves, _surfaced, _throttle
-from swimbladder.sim.faults.kinds import On
+from swimbladder.sim.faults.kinds import _FLOWS, On
 
 V_MIN, V_MAX, V_0, PSI = -3e-4, 4e-4, 1e-5, 2e-6
 STROKE, SURFACE, BAND = V_MAX - V_MIN, 0.2, 1.0

@@ -11,7 +11,7 @@ from swimbladder.io.log_text import counted
 from swimbladder.io.mission import Mission
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Note, Stop
-from swimbladder.sim.mission import tables
+from swimbladder.sim.mission import export
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import first_state
 from swimbladder.sim.mission.result import MissionResult
@@ -72,7 +72,7 @@ def test_it_is_grounded_once_it_let_in_the_volume_and_does_not_sink(profiler, se
         "the phase 'descend' was grounded 1 time, at 90 m, and went on with the next phase"
         in found.reasons[1]
     )
-    assert "grounded" in tables.events_csv(flight)
+    assert "grounded" in export.events_csv(flight)
 
 
 def test_where_the_bottom_is_deeper_nothing_is_different(profiler, sea):
@@ -127,7 +127,7 @@ def test_one_that_stays_lets_nothing_more_in(profiler, sea, how):
         why = f", as {deep if 'least_depth' in least else '85 m above it is at the surface'}"
     assert found.reasons[1].endswith(f"and stayed there{why}")
     assert found.to_dict()["grounded_m"] == {"park": [BOTTOM]}
-    assert tables.cycle_columns(found)["grounded"].sum() == 1.0
+    assert export.cycle_columns(found)["grounded"].sum() == 1.0
 
 
 def test_without_a_bottom_there_is_no_grounding(profiler):
@@ -253,7 +253,7 @@ def test_after_too_long_it_comes_up_all_the_same(profiler):
     answer = found.to_dict()
     assert answer["surfaced_under_ice"] == up.sum()
     assert answer["ice_turns"] == 8 - up.sum()
-    assert tables.cycle_columns(found)["ice_turns"].tolist() == (~up).astype(float).tolist()
+    assert export.cycle_columns(found)["ice_turns"].tolist() == (~up).astype(float).tolist()
     (said,) = (words for words in found.reasons if "although" in words)
     assert f"came up {counted(int(up.sum()), 'time')} although there may have been ice, af" in said
     assert "after 7 h 0 min without surfacing (ice.longest)" in said

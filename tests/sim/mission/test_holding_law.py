@@ -134,7 +134,7 @@ def unstable_float(psi):
 
 def test_what_is_accepted_is_not_lost(monkeypatch):
     """Vehicles, bands, intervals and speeds: whatever is not refused comes back, and was held."""
-    monkeypatch.setattr("swimbladder.sim.mission.plan_check._nearest", lambda *_: None)
+    monkeypatch.setattr("swimbladder.sim.mission.flight._nearest", lambda *_: None)
     flown = 0
     intervals = (None, 30.0, 60.0, 120.0)
     for vehicle, depth, tolerance, interval in itertools.chain(

@@ -7,15 +7,13 @@ import pytest
 
 from swimbladder.errors import InputError
 from swimbladder.io.mission import Mission
-from swimbladder.physics.pump_start import OilLine, pump_start
 from swimbladder.physics.seawater import uniform_column
-from swimbladder.physics.steady_drives import datasheet_point
+from swimbladder.physics.steady_drives import OilLine, datasheet_point, pump_start
 from swimbladder.sim.engine.rodas.prepare import Accuracy
 from swimbladder.sim.engine.rodas.records import Account, Doing, Note
 from swimbladder.sim.mission.balance import close_balance
 from swimbladder.sim.mission.core.hooks import fly
-from swimbladder.sim.mission.flight import Flight, fly_mission
-from swimbladder.sim.mission.plan_check import reach_of
+from swimbladder.sim.mission.flight import Flight, fly_mission, reach_of
 from swimbladder.sim.mission.prepare import DriveError, first_state, make_plan
 from swimbladder.vehicle import DatasheetPump, Oil, PowerLawPump
 from tests.sim.mission.conftest import phases

@@ -17,8 +17,7 @@ from swimbladder.io.casts import read_cast
 from swimbladder.io.logs import read_log
 from swimbladder.io.netcdf import UNDATED, write_netcdf
 from swimbladder.sim.mission.export import og1_dataset
-from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.plan_check import reach_of
+from swimbladder.sim.mission.flight import fly_mission, reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
 from tests.cf import cf_problems

@@ -13,7 +13,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.dynamics import drag_force
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account, Stop, Table
-from swimbladder.sim.mission import plan_check, prepare
+from swimbladder.sim.mission import flight, prepare
 from swimbladder.sim.mission.core.phases import Holding
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
@@ -35,11 +35,11 @@ def test_a_vehicle_that_sinks_through_its_depth_is_not_said_to_stall(monkeypatch
     plan = plan_for(monkeypatch, FEUP, task, back=20.0)
     assert plan.back == pytest.approx(20.0, abs=0.5)
     with refused(NoAnswerError, holds={40.0}) as caught:
-        plan_check.check_reach(FEUP, task, plan)
+        flight.check_reach(FEUP, task, plan)
     assert "it could not come up). Ask for less" in str(caught.value)
     plan.table[:, Table.RATE_OUT] = 0.0
     with refused(NoAnswerError, holds={40.0}) as caught:
-        plan_check.check_reach(FEUP, task, plan)
+        flight.check_reach(FEUP, task, plan)
     assert "its drive stalls" in str(caught.value)
 
 
@@ -56,7 +56,7 @@ def test_a_way_takes_its_neutral_volume_and_the_drag_of_its_speed_up_and_down(mo
     )
     plan, trim = plan_for(monkeypatch, vehicle, task), 2e-6
     plan.given["trim"] = trim
-    found = plan_check.reach_of(vehicle, task, plan)
+    found = flight.reach_of(vehicle, task, plan)
     down, up = (drag_force(LINEAR, v) / vehicle.water.specific_weight for v in (0.08, 0.05))
     rests = vehicle.neutral_volume  # the less the deeper it is, as psi < 0
     assert found.least.volume == pytest.approx(rests(30.0) + trim - down, rel=1e-9)
@@ -73,11 +73,11 @@ def test_a_hold_by_the_law_rate_is_refused_for_its_steps_and_not_for_noise(monke
     assert plan.stages["capture"][0] == 0.0  # `control.hold` does not fly it
     accounts = np.zeros(len(Account) + len(Holding))
     accounts[len(Account) :] = 3600.0, 900.0, 3600.0 * 1.5**2, 2.5
-    flight = SimpleNamespace(
+    flown = SimpleNamespace(
         vehicle=vehicle, mission=task, plan=plan, accounts=accounts, stop=Stop.FINISHED
     )
     with refused(NoAnswerError, holds={0.9, 150.0, 25.0, 2.5}) as caught:
-        plan_check._refuse_band(flight, 0, lambda _: SimpleNamespace(stop=Stop.LOST))
+        flight._refuse_band(flown, 0, lambda _: SimpleNamespace(stop=Stop.LOST))
     law, said = bind(vehicle.controller)[1], str(caught.value)
     assert f"sampled every {law.dead + law.run:.3g} s, with changes of volume of" in said
     assert "noise" not in said
@@ -92,7 +92,7 @@ def test_a_band_of_just_six_times_the_noise_can_be_seen(monkeypatch):
     least = 6.0 * law.depth_noise * law.growth
     held = [{"missed": 0, "not_held": 0}]
     whole = {"cycle": 1, "phase": 0}
-    flight = SimpleNamespace(cycles=held, whole=whole, stop=Stop.FINISHED, plan=plan)
+    flown = SimpleNamespace(cycles=held, whole=whole, stop=Stop.FINISHED, plan=plan)
     for tolerance, seen in ((least, True), (np.nextafter(least, 0.0), False)):
         plan.stages["tolerance"] = tolerance
-        assert plan_check._met(flight, 0) is seen
+        assert flight._met(flown, 0) is seen

@@ -8,12 +8,10 @@ import pytest
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.engine.rodas.records import Doing
 from swimbladder.sim.mission.balance import close_balance, consumer_energy, mean_power, power_names
-from swimbladder.sim.mission.export import og1_dataset
-from swimbladder.sim.mission.flight import fly_mission, thinned
-from swimbladder.sim.mission.plan_check import reach_of
+from swimbladder.sim.mission.export import og1_dataset, trajectory_columns
+from swimbladder.sim.mission.flight import fly_mission, reach_of, thinned
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.sim.mission.result import MissionResult
-from swimbladder.sim.mission.tables import trajectory_columns
 from swimbladder.vehicle import Load
 from tests.sim.mission.conftest import phases
 

@@ -11,7 +11,7 @@ from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission import prepare, result, tables, words
+from swimbladder.sim.mission import export, prepare, result, words
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.result import MissionResult
 from tests.sim.mission.conftest import phases
@@ -82,8 +82,8 @@ def test_speeds_of_ways_of_two_points(profiler, sea, monkeypatch):
     """100 m in 500 s down and in 400 s up: 0.2 and 0.25 m/s in every layer between."""
     flight = fly_mission(profiler, phases(), sea, checked=False)
     ways = [((0.0, 500.0), (0.0, 100.0)), ((900.0, 1300.0), (100.0, 0.0))]
-    monkeypatch.setattr(tables, "_ways", lambda _: [tuple(map(np.array, way)) for way in ways])
-    found = tables.speeds(flight)
+    monkeypatch.setattr(export, "_ways", lambda _: [tuple(map(np.array, way)) for way in ways])
+    found = export.speeds(flight)
     crossed = found["depth_m"] < 95.0
     assert found["sinking_m_s"][crossed] == pytest.approx(0.2, rel=1e-9)
     assert found["rising_m_s"][crossed] == pytest.approx(0.25, rel=1e-9)

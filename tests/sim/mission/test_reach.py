@@ -10,9 +10,8 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.engine.rodas.records import Note, Stop
-from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.sim.mission.flight import check_flight, fly_mission
 from swimbladder.sim.mission.orders import drag_coefficient, law_parameters
-from swimbladder.sim.mission.plan_check import check_flight
 from swimbladder.sim.mission.prepare import make_plan
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases

@@ -10,8 +10,7 @@ from swimbladder.errors import NoAnswerError
 from swimbladder.io.mission import Mission
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.sim.engine.rodas.records import Stop
-from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.plan_check import reach_of
+from swimbladder.sim.mission.flight import fly_mission, reach_of
 from swimbladder.sim.mission.prepare import make_plan, start_time
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.sim.mission.words import battery_words, starts_words

@@ -8,8 +8,7 @@ import pytest
 from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.engine.rodas.records import Account
 from swimbladder.sim.mission.balance import close_balance
-from swimbladder.sim.mission.flight import fly_mission
-from swimbladder.sim.mission.plan_check import reach_of
+from swimbladder.sim.mission.flight import fly_mission, reach_of
 from swimbladder.sim.mission.prepare import make_plan
 from swimbladder.vehicle import HullPart
 from tests.sim.mission.conftest import phases

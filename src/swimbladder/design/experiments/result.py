@@ -7,8 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from swimbladder.design.experiments.conditions import Conditions, Flight, Setting
-from swimbladder.design.experiments.evaluation import Curve, EvaluatedSet, OmittedVariable
+from swimbladder.design.experiments.conditions import (
+    Conditions,
+    Curve,
+    EvaluatedSet,
+    Flight,
+    OmittedVariable,
+    Setting,
+)
 from swimbladder.design.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT, describe

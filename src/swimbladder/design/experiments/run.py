@@ -15,10 +15,12 @@ from swimbladder.design.experiments.conditions import (
     Release,
     Setting,
     covariance_of,
+    curve,
+    deeper,
+    evaluate,
     ramps,
     vehicles,
 )
-from swimbladder.design.experiments.evaluation import curve, deeper, evaluate
 from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of

@@ -7,6 +7,7 @@ drifting volumes explain, the parameters do not describe it and are not identifi
 
 The parameters go into the vehicle's file (`identified_vehicle`); `out_of_place` says which have no
 place there.
+Volumes of a law whose actions are seconds follow pump and valve when these become known.
 """
 
 from __future__ import annotations
@@ -20,8 +21,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from pydantic import BaseModel
+from scipy.optimize import minimize_scalar
 from scipy.special import ndtri
 
+from swimbladder.control.argo import ARGO, let_in
+from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
 from swimbladder.estimation.estimates import (
     Estimate,
@@ -30,7 +34,6 @@ from swimbladder.estimation.estimates import (
     sentence,
     undetermined,
 )
-from swimbladder.estimation.motion.argo_seconds import as_long
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
 from swimbladder.estimation.motion.deep_model import (
@@ -55,8 +58,11 @@ from swimbladder.io.float_log import FloatLog
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import weighing
+from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column
+from swimbladder.physics.steady_drives import valve_flow
 from swimbladder.vehicle import (
+    Controller,
     HullPart,
     PhysicalMotion,
     PowerLawPump,
@@ -64,6 +70,42 @@ from swimbladder.vehicle import (
     Vehicle,
     field_unit,
 )
+
+
+def as_long(vehicle: Vehicle, filled: Vehicle) -> Controller | None:
+    """Return the controller of a filled vehicle: an action of the law `argo` lasts as it did."""
+    own, before, after = vehicle.controller, vehicle.engine, filled.engine
+    if own is None or own.law != ARGO.name:
+        return own
+    assert isinstance(before, PumpAndValve)
+    assert isinstance(after, PumpAndValve)
+    law, rho_g = bind(own)[1], vehicle.water.specific_weight
+    numbers = {**own.parameters}
+    if isinstance(before.pump, PowerLawPump) and isinstance(after.pump, PowerLawPump):
+        seconds = (law.pump_volume + before.start_volume) / before.pump.delivery
+        numbers["pump_volume"] = after.pump.delivery * seconds - after.start_volume
+        numbers["pump_loss"] = after.pump.slip * seconds * rho_g
+    depth = np.linspace(0.05, 1.0, 50) * (vehicle.hull.depth_limit or law.valve_depth or 1000.0)
+    head = depth * rho_g + ATMOSPHERIC_PRESSURE - before.internal_pressure
+    now = np.array([let_in(law, law.valve_volume, z) for z in depth.tolist()])
+    now *= valve_flow(after.valve, head) / valve_flow(before.valve, head)  # in the same seconds
+
+    def shape(half: float) -> Array:
+        return depth / np.hypot(depth, half)
+
+    def off(half: float) -> float:
+        return float(np.linalg.norm(now - shape(half) * _scaled(shape(half), now)))
+
+    half = float(minimize_scalar(off, bounds=(0.0, depth[-1]), method="bounded").x)
+    numbers["valve_depth"], numbers["valve_volume"] = half, _scaled(shape(half), now)
+    numbers["gain"] = law.gain * numbers["valve_volume"] / law.valve_volume
+    return own.model_copy(update={"parameters": numbers})
+
+
+def _scaled(shape: Array, values: Array) -> float:
+    """Return by what a shape [n] is multiplied to be nearest to values [n]."""
+    return float(shape @ values / (shape @ shape))
+
 
 _STIFFENS = 1e-20  # 1/Pa2, the least that a vehicle's file has
 

@@ -24,9 +24,8 @@ from swimbladder.estimation.estimates import (
     too_many,
     undetermined,
 )
-from swimbladder.estimation.motion.fit import Fit, backwards
+from swimbladder.estimation.motion.fit import Fit, autocovariance, backwards
 from swimbladder.estimation.motion.fit import fit as solve
-from swimbladder.estimation.motion.noise import autocovariance
 from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,

@@ -18,8 +18,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Workers, run
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.seawater import Cast, Column
-from swimbladder.sim.campaign.draw import Design, Index, indices
-from swimbladder.sim.campaign.run import Floats
+from swimbladder.sim.campaign.run import Design, Floats, Index, indices
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.prepare import water_of
 from swimbladder.sim.mission.words import REASONS

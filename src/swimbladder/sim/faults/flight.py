@@ -23,7 +23,7 @@ from swimbladder.sim.engine.cache import inlined
 from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.modes import Layers, layered
 from swimbladder.sim.engine.rodas.records import Doing
-from swimbladder.sim.faults import fault_effects as effects
+from swimbladder.sim.faults import kinds as effects
 from swimbladder.sim.faults.c_interface import call_begin, call_tick
 from swimbladder.sim.faults.draw import (
     WAVES,
@@ -34,8 +34,7 @@ from swimbladder.sim.faults.draw import (
     Wave,
     record_type,
 )
-from swimbladder.sim.faults.fault_effects import MOST, NOTHING_KEPT, PumpTable
-from swimbladder.sim.faults.kinds import On
+from swimbladder.sim.faults.kinds import MOST, NOTHING_KEPT, On, PumpTable
 from swimbladder.vehicle import Sensors
 
 # The board decides; or full buoyancy is commanded from `full_after` the last fault acts on, or from
@@ -136,7 +135,7 @@ FLIGHT = np.dtype(
         ("base", np.float64, (N_PLANT,)),  # the healthy vehicle
         ("faults", np.int64),  # how many
         ("fault_rows", np.float64, (MOST, len(FaultRow._fields))),
-        ("acts", np.float64, (len(On), 2)),  # what they do at this tick, see `fault_effects.act`
+        ("acts", np.float64, (len(On), 2)),  # what they do at this tick, see `kinds.act`
         ("kept", np.float64, NOTHING_KEPT.shape),  # what the faults remember
         ("turns", np.float64, (MOST_TURNS,)),  # ticks of the set-points, inf behind the last
         ("depths", np.float64, (MOST_TURNS,)),  # m

@@ -32,9 +32,8 @@ from swimbladder.sim.engine.modes import SUPPLY, Z_BOTTOM
 from swimbladder.sim.faults.c_interface import IDEAL, SUPERVISED, UNSUPERVISED, Board, c_interface
 from swimbladder.sim.faults.campaign_result import ROW, FaultResult, Outcome, outcomes, reason_words
 from swimbladder.sim.faults.draw import Course, Mission, Result, Trace, course_of, draw
-from swimbladder.sim.faults.fault_effects import NO_PUMP, PumpTable
 from swimbladder.sim.faults.flight import EARLY, FULL, OWN, Room, fly
-from swimbladder.sim.faults.kinds import FAULTS, KINDS
+from swimbladder.sim.faults.kinds import FAULTS, KINDS, NO_PUMP, PumpTable
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle
 
 Rows = NDArray[np.void]  # of ROW

@@ -27,9 +27,8 @@ from swimbladder.sim.mission.balance import (
     drawn_energy,
 )
 from swimbladder.sim.mission.core.phases import Holding
-from swimbladder.sim.mission.flight import Flight, fly_mission
+from swimbladder.sim.mission.flight import Flight, Reach, fly_mission
 from swimbladder.sim.mission.orders import law_facts
-from swimbladder.sim.mission.plan_check import Reach
 from swimbladder.sim.mission.prepare import water_of
 from swimbladder.sim.mission.words import holding_words, note_words, reason_words, span_words
 from swimbladder.vehicle import Vehicle

@@ -16,10 +16,15 @@ from swimbladder.physics.buoyancy_engine import drive_map, pressure_ratio, runni
 from swimbladder.physics.dynamics import drag_terms
 from swimbladder.physics.hull import heat_expansion, layered_volume, neutral_volume
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.pump_start import POLYTROPIC, LineCurves, OilLine, line_curves
 from swimbladder.physics.seawater import Column, look_up
 from swimbladder.physics.seawater.column import slopes
-from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
+from swimbladder.physics.steady_drives import (
+    POLYTROPIC,
+    REFERENCE_TEMPERATURE,
+    LineCurves,
+    OilLine,
+    line_curves,
+)
 from swimbladder.sim.engine.modes import DEEPEST
 from swimbladder.sim.engine.rodas.records import AT, GIVEN, GIVEN_WITH_LINE, NOW, Table, made
 from swimbladder.vehicle import DatasheetPump, PumpAndValve, Vehicle

@@ -8,14 +8,14 @@ from swimbladder.cli.common import aside, compile_notice, progress
 from swimbladder.cli.options import Files, Options, grouped, valued
 
 
-class Asked(Options):
+class Noise(Options):
     """What its noise is drawn from."""
 
     seed: int = valued("N", "Seed of the sensors' noise.", 2023, min=0)
 
 
 @grouped(out=Path("report/paper"))
-def reproduce(*, asked: Asked, to: Files) -> None:
+def reproduce(*, asked: Noise, to: Files) -> None:
     """Reproduce the paper: every figure, table and number, in one report.
 
     Falcao Carneiro et al. 2023, doi 10.3390/act12100380, from simulation. Exit code 1 when a
