@@ -20,14 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from swimbladder.cli.common import (
-    aside,
-    asked_of,
-    compile_notice,
-    kept,
-    progress,
-    working,
-)
+from swimbladder.cli.common import aside, asked_of, compile_notice, kept, progress, working
 from swimbladder.cli.options import (
     Files,
     Given,

@@ -34,13 +34,7 @@ from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, j
 from swimbladder.errors import InputError, LogError, Parameter, check_number
 from swimbladder.estimation.estimates import read_priors, read_values
 from swimbladder.estimation.motion import ExperimentFit, Identification, identify
-from swimbladder.estimation.motion.problem import (
-    NAMES,
-    UNITS,
-    check_names,
-    default_names,
-    model_of,
-)
+from swimbladder.estimation.motion.problem import NAMES, UNITS, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.files import write_atomically

@@ -22,11 +22,7 @@ from typing import Any, get_args
 import numpy as np
 
 from swimbladder.errors import InputError, LogError
-from swimbladder.estimation.comparison.misread import (
-    Drive,
-    refuse_wrong_clock,
-    refuse_wrong_stroke,
-)
+from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock, refuse_wrong_stroke
 from swimbladder.estimation.kalman.depth_filter import follow
 from swimbladder.estimation.kalman.kernels import Samples
 from swimbladder.estimation.series import followed, quantum, stretches, white_noise

@@ -27,13 +27,7 @@ from scipy.special import ndtri
 from swimbladder.control.argo import ARGO, let_in
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import (
-    Estimate,
-    Origin,
-    Prior,
-    sentence,
-    undetermined,
-)
+from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence, undetermined
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
 from swimbladder.estimation.motion.deep_model import (
