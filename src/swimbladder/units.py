@@ -11,10 +11,13 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Sequence
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from fractions import Fraction
 from functools import cache, lru_cache
+from importlib import resources
+from string import Formatter
 from typing import Any
 
 from swimbladder.errors import UnitError
@@ -267,3 +270,44 @@ def with_one_unit(texts: Sequence[str]) -> list[str]:
     """Return quantities; numbers alone get the unit of the last."""
     unit, parts = unit_of(texts[-1]), [text.strip() for text in texts]
     return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]
+
+
+PER_SI = {
+    "%": 100.0,
+    "cm": 1e2,
+    "cm/s": 1e2,
+    "cm3": 1e6,
+    "cm3/m": 1e6,
+    "cm3/s": 1e6,
+    "cm3/h": 3.6e9,
+    "mL": 1e6,
+    "L": 1e3,
+    "L/h": 3.6e6,
+    "mm": 1e3,
+    "mm/s": 1e3,
+    "min": 1.0 / 60.0,
+}
+"""What a number in SI is multiplied by where a sentence has it in another unit."""
+
+
+class _Shown(Formatter):
+    """Writes {volume:.2g cm3}: an SI number in another unit, which is written after it."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        spec, _, unit = format_spec.partition(" ")
+        return f"{value * PER_SI[unit]:{spec}} {unit}" if unit else format(value, spec)
+
+
+@cache
+def texts_of(package: str) -> Mapping[str, Any]:
+    """Return what a package says: its sentences.toml."""
+    file = resources.files(f"swimbladder.{package}").joinpath("sentences.toml")
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def said(package: str, /, *place: str, **values: Any) -> str:
+    """Return the text at a place of a package's sentences with the values that it names."""
+    text: Any = texts_of(package)
+    for word in place:
+        text = text[word]
+    return _Shown().format(text, **values)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,51 +25,41 @@ from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
+from swimbladder.units import said
 from swimbladder.vehicle import Vehicle
 
 DOWN = "Give a depth below the surface, positive down"
 
 
+_say = partial(said, "design", "analysis")
+
+
 def _rest(a: Analysis) -> Iterator[str]:
     p, v = a.operating_point, a.vehicle
-    text = f"At {p.depth:g} m the vehicle rests with a volume of {_cm3(p.volume)}"
+    text = _say("rest", p=p)
     if v.voltage_driven:
-        text += f"; {p.voltage:.3g} V hold the motor against the sea"
+        text += _say("held by", p=p)
         if p.voltage_back != p.voltage:
-            text += f", and it only gives way below {p.voltage_back:.3g} V"
+            text += _say("gives way", p=p)
     yield text + "."
     if not v.stroke.minimum <= p.volume <= v.stroke.maximum:
-        yield (
-            f"That volume is outside the stroke of {_cm3(v.stroke.minimum)} to "
-            f"{_cm3(v.stroke.maximum)}: the vehicle cannot rest there, and what follows is about a "
-            "vehicle that could."
-        )
+        yield _say("outside the stroke", stroke=v.stroke)
     elif not a.rests:
-        assert a.stall is not None
         why = "the supply cannot hold the motor"
         if a.drive is not None:
             why = "more leaks back than the pump delivers"
-        yield (
-            f"Below {a.stall.holding_depth:.1f} m {why}: the vehicle cannot rest there, and what "
-            "follows is about a vehicle that could."
-        )
+        yield _say("does not rest", stall=a.stall, why=why)
 
 
 def _open_loop_words(a: Analysis) -> Iterator[str]:
     o = a.open_loop
-    said = o.routh.sentence
-    text = f"Open loop, by Routh's table: {said[0].lower()}{said[1:]}"
+    found = o.routh.sentence
+    text = f"Open loop, by Routh's table: {found[0].lower()}{found[1:]}"
     if math.isfinite(o.doubling_time):
-        text += (
-            f" The fastest growing disturbance, exp({o.poles[0].real:.4g} t), doubles in "
-            f"{o.doubling_time:.3g} s."
-        )
+        text += _say("grows", o=o)
     yield text
     if a.vehicle.drag.law == "quadratic":
-        yield (
-            "The drag is quadratic and has no slope at rest: K2 and T2 do not exist, nor do (30), "
-            "(32), (34) and (35), and the linear model leaves out what damps a real motion."
-        )
+        yield _say("quadratic")
     elif a.vehicle.drag.law != "linear":
         yield "The drag is the laminar one of small speeds."
 
@@ -79,17 +70,10 @@ def _motions(a: Analysis) -> Iterator[str]:
         return
     rest, moving = a.motions[0], a.motions[1:]
     if math.isfinite(rest.growth_time):
-        yield (
-            f"At rest the hull gives way more than the water: with its volume kept, a small error "
-            f"of the depth grows e-fold in {rest.growth_time:.3g} s."
-        )
+        yield _say("gives way more", rest=rest)
     elif math.isfinite(rest.period):
-        yield (
-            f"At rest the hull is stiffer than the water: with its volume kept it swings about its "
-            f"neutral depth every {rest.period:.4g} s."
-        )
-    said = ", ".join(f"{100.0 * m.speed:g} cm/s in {m.time_constant:.3g} s" for m in moving)
-    yield f"On its way a speed follows the volume with the time constant of the drag: {said}."
+        yield _say("swings", rest=rest)
+    yield _say("on its way", times=", ".join(_say("settles", m=m) for m in moving))
 
 
 def _section_2_5(a: Analysis) -> Iterator[str]:
@@ -98,53 +82,32 @@ def _section_2_5(a: Analysis) -> Iterator[str]:
         which = "A hull stiffer than water would"
         if a.vehicle.hull.psi < 0.0:
             which = "That the hull is stiffer than water does"
-        yield (
-            f"{which} not help: with psi = {s.psi:.3g} m3/m the depth load alone still doubles a "
-            f"disturbance in {s.doubling_time:.3g} s (section 2.5); without k_z and k_l nothing "
-            "would grow."
-        )
+        yield _say("stiff hull", which=which, s=s)
     elif s is not None:
-        yield (
-            "Nothing loads the volume here (k_z = k_l = 0): with a hull stiffer than water no "
-            "disturbance would grow."
-        )
+        yield _say("no load")
     if a.double_integrator_phase_margin is not None:
-        margin = math.degrees(a.double_integrator_phase_margin)
-        yield (
-            "Without psi, k_l and k_z (35) is a double integrator with two lags: under a gain of "
-            f"1 V/m its phase margin is {margin:.1f} degrees, negative as for every gain."
-        )
+        yield _say("integrator", margin=math.degrees(a.double_integrator_phase_margin))
 
 
 def _depths(a: Analysis) -> Iterator[str]:
-    s, limit = a.stall, a.vehicle.hull.depth_limit
-    if s is not None:
-        if math.isinf(s.depth):
-            yield "No depth loads the motor, so none stalls it."
-        else:
-            at = f" at {s.voltage:.3g} V" if math.isfinite(s.voltage) else ""
-            text = f"Stall depth{at}: {s.depth:.1f} m"
-            if s.depth_without_sag > s.depth:
-                text += f" ({s.depth_without_sag:.1f} m if the supply did not sag)"
-            if limit is not None:
-                side = (
-                    "above it" if s.within_limit else "NOT above it: the vehicle could not come up"
-                )
-                text += f"; the depth limit of {limit:g} m is {side}"
-            yield text + "."
-            if s.holding_depth < s.depth:
-                yield f"Below {s.holding_depth:.1f} m the pump leaks more than it moves."
-            if s.extending_rate > 0.0:
-                rate = f"{s.extending_rate * 1e6:.3g} cm3/s"
-                yield f"At {a.depth:g} m the motor can increase the volume by {rate}."
-    n = a.neutral
+    s, limit, n = a.stall, a.vehicle.hull.depth_limit, a.neutral
+    if s is not None and math.isinf(s.depth):
+        yield "No depth loads the motor, so none stalls it."
+    elif s is not None:
+        text = _say("stall", at=f" at {s.voltage:.3g} V" if math.isfinite(s.voltage) else "", s=s)
+        if s.depth_without_sag > s.depth:
+            text += _say("without sag", s=s)
+        if limit is not None:
+            text += _say("limit above" if s.within_limit else "limit below", limit=limit)
+        yield text + "."
+        if s.holding_depth < s.depth:
+            yield f"Below {s.holding_depth:.1f} m the pump leaks more than it moves."
+        if s.extending_rate > 0.0:
+            yield _say("extends", depth=a.depth, s=s)
     if math.isfinite(n.leaves_stroke) and n.leaves_stroke > 0.0:
         text = f"The neutral volume leaves the stroke at {n.leaves_stroke:.1f} m"
         if limit is not None and n.leaves_stroke < limit:
-            text += (
-                f", before the depth limit of {limit:g} m: below that the vehicle, trimmed as it "
-                "is, cannot come to rest"
-            )
+            text += _say("before the limit", limit=limit)
         yield text + "."
 
 
@@ -155,19 +118,11 @@ def _closed_loop_words(a: Analysis) -> Iterator[str]:
             yield "The vehicle has no controller: nothing is said of a closed loop."
         return
     where = "voltage" if a.vehicle.voltage_driven else "volume command"
-    head = f"Closed loop with {c.law!r}, sampled every {c.sample_time:g} s: "
     if not c.stable:
         radius = max(c.spectral_radius, c.spectral_radius_back_driven)
-        yield (
-            f"{head}UNSTABLE, the largest pole has a modulus of {radius:.4f}: disturbances grow by "
-            f"{(radius - 1.0) * 100.0:.3g} % a sample."
-        )
+        yield _say("unstable", c=c, radius=radius, growth=radius - 1.0)
     else:
-        slowest = c.modes[0]
-        yield (
-            f"{head}stable; the slowest pole, z = {_complex(slowest.z)}, decays with a time "
-            f"constant of {slowest.time_constant:.3g} s."
-        )
+        yield _say("stable", c=c, z=_complex(c.modes[0].z), slowest=c.modes[0])
     if c.one_loop:
         where += " or, which is the same here, at the measured depth"
     if c.at_command is not None:
@@ -177,64 +132,36 @@ def _closed_loop_words(a: Analysis) -> Iterator[str]:
     if c.stable:
         yield _delays(c)
     if c.depth_load is not None:
-        load = c.depth_load
-        text = (
-            "The inner loop does not fully reject the depth load, which acts like an extra psi of "
-            f"{load.extra_psi:.3g} m3/m"
-        )
-        if math.isfinite(load.share_of_psi):
-            text += f" ({abs(load.share_of_psi) * 100.0:.2g} % of {_size_of_psi(a)})"
+        text = _say("depth load", load=c.depth_load)
+        if math.isfinite(c.depth_load.share_of_psi):
+            of = "psi" if a.vehicle.hull.psi > 0.0 else "the size of psi"
+            text += _say("share of psi", share=abs(c.depth_load.share_of_psi), of=of)
         yield text + "."
         continuous = "continuous time is a close approximation"
         if c.inner_gain_per_sample > 0.2:
             continuous = "analyse it in discrete time"
-        yield (
-            f"The gain of the inner loop times the sample time is {c.inner_gain_per_sample:.3f}: "
-            f"{continuous}."
-        )
+        yield _say("inner loop", c=c, continuous=continuous)
     if not a.vehicle.voltage_driven:
-        yield (
-            "The volume commanded is taken as reached at once. The piston moves at most "
-            f"{_cm3(c.volume_per_sample)} a sample, which a sudden error of "
-            f"{c.error_at_rate_limit:.2g} m already asks for: beyond that the rate limit adds lag "
-            "that no linear model shows."
-        )
-
-
-def _size_of_psi(a: Analysis) -> str:
-    return "psi" if a.vehicle.hull.psi > 0.0 else "the size of psi"
+        yield _say("at once", c=c)
 
 
 def _margin_words(m: Margins, place: str) -> str:
     up = f"{20.0 * math.log10(m.gain_up):+.1f} dB" if math.isfinite(m.gain_up) else "any increase"
     down = f"{20.0 * math.log10(m.gain_down):+.1f} dB" if m.gain_down > 0.0 else "any decrease"
-    phase = (
-        f"phase {math.degrees(m.phase):.1f} degrees at {m.phase_frequency:.3g} rad/s"
-        if math.isfinite(m.phase)
-        else "no gain crossover"
-    )
-    return (
-        f"Margins at the {place}: gain {up} or {down}, {phase}, peak sensitivity "
-        f"{m.peak_sensitivity:.2f}; gain and phase together (disk margin): a factor of "
-        f"{m.disk_gain:.2f} and {math.degrees(m.disk_phase):.0f} degrees."
-    )
+    phase = "no gain crossover"
+    if math.isfinite(m.phase):
+        phase = _say("phase", degrees=math.degrees(m.phase), m=m)
+    disk = math.degrees(m.disk_phase)
+    return _say("margins", place=place, up=up, down=down, phase=phase, m=m, disk=disk)
 
 
 def _delays(c: ClosedLoop) -> str:
     whole = "stable" if c.radius_at_whole_sample < 1.0 else "NOT stable"
-    if math.isinf(c.computation_delay):
-        text = "No computation delay makes the loop unstable"
-    else:
-        text = f"The loop tolerates {c.computation_delay:.3f} s of computation delay"
+    delay = "No computation delay makes the loop unstable"
+    if math.isfinite(c.computation_delay):
+        delay = _say("delay", c=c)
     age = "any age" if math.isinf(c.depth_delay) else f"an age of {c.depth_delay:.3g} s"
-    return (
-        f"{text}; with one whole sample of it, it is {whole}. "
-        f"It tolerates {age} of the measured depth."
-    )
-
-
-def _cm3(volume: float) -> str:
-    return f"{volume * 1e6:.4g} cm3"
+    return _say("delays", delay=delay, whole=whole, age=age)
 
 
 def _complex(z: complex) -> str:
@@ -438,20 +365,11 @@ def analyse(
     sample_time = vehicle.sampled_every(sample_time)
     check_command(law, vehicle)
     if law.command == "volume change":
-        note = (
-            f"The law {law.name!r} acts when it asks to be called, and changes the volume once: "
-            "there is no loop to break, with margins. `swimbladder stability` follows it from one "
-            "decision to the next."
-        )
-        return _analysed(vehicle, depth, notes=(note,))
+        return _analysed(vehicle, depth, notes=(_say("decides", law=law),))
     at_rest = law_at_rest(law, parameters, vehicle, depth=depth, sample_time=sample_time)
     if at_rest.smooth:
         return _analysed(vehicle, depth, law=at_rest, law_name=law.name)
-    note = (
-        f"The law {law.name!r} is not linear around rest (a dead band, a relay, a rounded command "
-        "or a limit right there): its closed loop has no poles or margins. Simulate it instead."
-    )
-    return _analysed(vehicle, depth, notes=(note,))
+    return _analysed(vehicle, depth, notes=(_say("not linear", law=law),))
 
 
 def _analysed(

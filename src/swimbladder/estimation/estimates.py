@@ -2,11 +2,8 @@
 
 import math
 import re
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from string import Formatter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -14,7 +11,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.arrays import Array
-from swimbladder.units import parse_quantity, quantity, unit_of, with_one_unit
+from swimbladder.units import parse_quantity, quantity, said, texts_of, unit_of, with_one_unit
 from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -88,13 +85,9 @@ class Finding(NamedTuple):
         cls, room: str, key: str, severity: Severity | None = None, /, **values: Any
     ) -> "Finding":
         """Return the finding whose text is at that place in sentences.toml."""
-        known = _SENTENCES[room][key]
+        known = texts_of("estimation")[room][key]
         kind = known.get("kind", key)
         return cls(kind, severity or known["severity"], sentence(room, key, **values))
-
-
-_SENTENCES = tomllib.loads(Path(__file__).with_name("sentences.toml").read_text(encoding="utf-8"))
-_PER_SI = _SENTENCES.pop("per SI")
 
 
 _TOO_MANY = 0.1  # of the samples
@@ -106,17 +99,9 @@ def too_many(outliers: int, samples: int) -> bool:
     return outliers > _TOO_MANY * samples + chance
 
 
-class _Shown(Formatter):
-    """Writes {volume:.2g cm3}: an SI number in another unit, which is written after it."""
-
-    def format_field(self, value: Any, format_spec: str) -> str:
-        spec, _, unit = format_spec.partition(" ")
-        return f"{value * _PER_SI[unit]:{spec}} {unit}" if unit else format(value, spec)
-
-
 def sentence(room: str, key: str, text: str = "text", /, **values: Any) -> str:
     """Return a text of sentences.toml with the values that it names."""
-    return _Shown().format(_SENTENCES[room][key][text], **values)
+    return said("estimation", room, key, text, **values)
 
 
 def check_names(
