@@ -305,7 +305,7 @@ def texts_of(package: str) -> Mapping[str, Any]:
     return tomllib.loads(file.read_text(encoding="utf-8"))
 
 
-def said(package: str, /, *place: str, **values: Any) -> str:
+def say(package: str, /, *place: str, **values: Any) -> str:
     """Return the text at a place of a package's sentences with the values that it names."""
     text: Any = texts_of(package)
     for word in place:

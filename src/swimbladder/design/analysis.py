@@ -25,13 +25,13 @@ from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
-from swimbladder.units import said
+from swimbladder.units import say
 from swimbladder.vehicle import Vehicle
 
 DOWN = "Give a depth below the surface, positive down"
 
 
-_say = partial(said, "design", "analysis")
+_say = partial(say, "design", "analysis")
 
 
 def _rest(a: Analysis) -> Iterator[str]:

@@ -11,7 +11,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.arrays import Array
-from swimbladder.units import parse_quantity, quantity, said, texts_of, unit_of, with_one_unit
+from swimbladder.units import parse_quantity, quantity, say, texts_of, unit_of, with_one_unit
 from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
@@ -101,7 +101,7 @@ def too_many(outliers: int, samples: int) -> bool:
 
 def sentence(room: str, key: str, text: str = "text", /, **values: Any) -> str:
     """Return a text of sentences.toml with the values that it names."""
-    return said("estimation", room, key, text, **values)
+    return say("estimation", room, key, text, **values)
 
 
 def check_names(

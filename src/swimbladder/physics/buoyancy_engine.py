@@ -9,6 +9,7 @@ voltage k_z,back z/k_u - T_b/k_u, at the cost of R i^2.
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +32,7 @@ from swimbladder.physics.steady_drives import (
     terminal_power,
     valve_flow,
 )
+from swimbladder.units import say
 from swimbladder.vehicle import (
     DatasheetPump,
     ElectrohydraulicActuator,
@@ -41,6 +43,8 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
+
+_say = partial(say, "physics", "energy")
 
 
 class DriveMap(NamedTuple):
@@ -105,18 +109,9 @@ def check_power_known(vehicle: Vehicle) -> None:
     a = vehicle.engine
     missing = ""
     if isinstance(a, Positioner) and a.moving_power is None:
-        missing = (
-            "what the positioner's motor draws is not given (actuator.moving_power, and "
-            "actuator.holding_power). Measure its current while it moves and while it holds"
-        )
+        missing = _say("positioner")
     elif isinstance(a, IdentifiedActuator):
-        missing = (
-            "the motor's resistance R and torque constant k_T are not given, and an identified K1 "
-            "does not determine them. Describe the actuator as kind electromechanical or "
-            "electrohydraulic (actuator.motor.resistance, actuator.motor.torque_constant), as "
-            "unified (actuator.resistance, actuator.emf_constant), or as pump-valve with a power "
-            "law (actuator.pump.idle_power, actuator.pump.power_per_pressure)"
-        )
+        missing = _say("identified")
     elif isinstance(a, UnifiedActuator):
         fields = {"resistance": a.resistance, "emf_constant": a.emf_constant}
         absent = [f"actuator.{name}" for name, value in fields.items() if value is None]
@@ -151,14 +146,7 @@ def known_winding(vehicle: Vehicle, *, instead: str) -> Winding:
     """
     found = winding(vehicle)
     if found is None:
-        raise NoAnswerError(
-            f"the energy that {vehicle.name!r} takes is not known: its actuator of the kind "
-            f"{vehicle.actuator.kind!r} has no winding resistance R and no torque constant k_T "
-            "(k_emf), and an identified K1 does not determine them. Give the motor's data "
-            "(actuator.motor.resistance and torque_constant of an electromechanical or "
-            "electrohydraulic actuator, resistance and emf_constant of a unified one), or "
-            f"{instead}"
-        )
+        raise NoAnswerError(_say("not known", vehicle=vehicle, instead=instead))
     return found
 
 
@@ -173,11 +161,7 @@ def oil_note(vehicle: Vehicle) -> str | None:
         field, how = "actuator.drive.oil", "write the actuator as kind pump-valve and give"
     else:
         return None
-    return (
-        f"the oil in {field}, its bulk modulus and trapped air, changes nothing here. For what "
-        f"each start of the pump loses to them, {how} actuator.line (volume, bulk_modulus, "
-        "trapped_air): the oil between pump and check valve"
-    )
+    return _say("start lost", field=field, how=how)
 
 
 def steady_point(
@@ -270,10 +254,7 @@ def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
     drawn = battery_power(power, supply)
     if supply is not None and np.isnan(drawn).any():
         most = supply.voltage**2 / (4.0 * supply.internal_resistance)
-        raise NoAnswerError(
-            f"{what} draws up to {np.max(power):.3g} W, and the battery gives {most:.3g} W "
-            "at most (supply.voltage, supply.internal_resistance)"
-        )
+        raise NoAnswerError(_say("too much", what=what, power=np.max(power), most=most))
     return drawn
 
 

@@ -46,7 +46,10 @@ from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.units import say
 from swimbladder.vehicle import Vehicle
+
+_say = partial(say, "design", "stability")
 
 _STARTS = 3  # of the search
 _CALLS = 60  # of a search, for each unknown
@@ -142,23 +145,15 @@ class Decided:
         sample = f"looked at: {self.maps} maps of the region, then {self.searched} in a search"
         if self.radius >= 1.0:
             return (
-                f"UNSTABLE: with {self.worst.words} errors of the speed grow from decision to "
-                f"decision, the largest eigenvalue has the modulus {self.radius:.4f}.",
-                "A smaller coefficient, more time between two decisions (dead), or a law tuned for "
-                "this region (swimbladder tune) would hold it.",
+                _say("decisions unstable", found=self),
+                _say("slower decisions"),
                 *self._rest_words(),
             )
         last = max(self.ways, key=lambda way: way.time_constant)
         ratios = [way.ratio for way in self.ways]
         return (
-            f"Errors of the speed decay from decision to decision from {depths[0]:g} to "
-            f"{depths[1]:g} m over the region: the largest eigenvalue found has the modulus "
-            f"{self.radius:.4f} ({self.worst.words}); {sample} for the worst. It is the worst that "
-            "was found, not a proof over the region.",
-            f"A change of the volume is {max(ratios):.2f} times what the drag takes (below 2 "
-            "it would be stable if the speed followed at once); the slowest speed, "
-            f"{100.0 * abs(last.decision.speed):.3g} cm/s, follows in "
-            f"{last.time_constant:.3g} s, and it decides every {last.decision.period:.3g} s.",
+            _say("decisions decay", depths=depths, found=self, sample=sample),
+            _say("change of volume", ratios=max(ratios), speed=abs(last.decision.speed), last=last),
             *self._slow_drive(),
             *self._rest_words(),
         )
@@ -170,9 +165,13 @@ class Decided:
         worst = max(late, key=lambda way: way.delivery)
         what = "pump" if worst.decision.pumps else "valve"
         return (
-            f"The {what} takes {worst.delivery:.3g} s for the change from rest to "
-            f"{100.0 * abs(worst.decision.speed):.3g} cm/s, and the law samples again after "
-            f"{worst.decision.samples[-2]:.3g} s: it decides before its last change is done.",
+            _say(
+                "slow drive",
+                what=what,
+                worst=worst,
+                speed=abs(worst.decision.speed),
+                samples=worst.decision.samples[-2],
+            ),
         )
 
     def _rest_words(self) -> tuple[str, ...]:
@@ -181,20 +180,12 @@ class Decided:
             caught = (
                 f"It is caught within {r.band:.3g} m, and the law keeps {r.tolerance:g} m."
                 if r.held
-                else f"UNSTABLE at rest: between two decisions it gets {r.band:.3g} m away, and "
-                f"the law is to keep {r.tolerance:g} m."
+                else _say("rest unstable", r=r)
             )
-            return (
-                f"At rest the hull gives way more than the water (psi up to {r.psi:.3g} m3/m over "
-                f"the region): an error of the depth grows e-fold in {r.growth_time:.3g} s. "
-                + caught,
-            )
+            return (_say("gives way more", r=r) + caught,)
         if math.isinf(r.period):
             return ("At rest hull and water give way alike: nothing brings an error back.",)
-        return (
-            f"At rest the hull is stiffer than the water: it swings about its neutral depth every "
-            f"{r.period:.4g} s, and {r.tolerance:g} m halve in {r.halves:.3g} s by its drag.",
-        )
+        return (_say("swings", r=r),)
 
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
@@ -316,29 +307,22 @@ class Around(NamedTuple):
         """Return what a person wants to know, of `depths` from and to [m]."""
         if not self.stable:
             return (
-                f"UNSTABLE: with {self.worst_point.words} small disturbances grow, the largest "
-                f"eigenvalue has the modulus {self.radius:.4f}.",
-                "A shorter sample time, less delay between sample and command, or gains tuned for "
-                "this region (swimbladder tune) would hold it.",
+                _say("unstable", found=self),
+                _say("shorter samples"),
             )
         m, short = self.margins, margins.violated_margins(self.margins)
         mode, at = self.slowest
         damped, where = self.least_damped
         deep = "the same" if self.same_at_all_depths else "not the same"
         return (
-            f"Small disturbances decay from {depths[0]:g} to {depths[1]:g} m over the region: the "
-            f"largest eigenvalue found has the modulus {self.radius:.5f} "
-            f"({self.worst_point.words}), with {1e3 * self.delay:.3g} ms from a sample to its "
-            "command.",
-            f"Evaluated: {self.looked} loops of the region, then {self.searched} in a search for "
-            f"the worst; {deep} at all depths. The search is no proof over the region.",
-            f"The slowest mode decays e-fold in {mode.time_constant:.3g} s ({at.words}); the "
-            f"least damped oscillates every {_period(damped)} with a damping of "
-            f"{damped.damping:.2f} ({where.words}).",
+            _say("decay", depths=depths, found=self, delay=1000.0 * self.delay),
+            _say("evaluated", found=self, deep=deep),
+            _say(
+                "slowest mode", mode=mode, at=at, period=_period(damped), damped=damped, where=where
+            ),
             f"Worst margins: {margins.margin_words(m)}"
             + (f"; below the requirement: {', '.join(short)}." if short else ", as required."),
-            f"With a whole sample of delay the nominal loop's largest eigenvalue is "
-            f"{modulus(self.whole_sample_radius)}: "
+            _say("whole sample", whole_sample_radius=modulus(self.whole_sample_radius))
             + ("unstable." if self.whole_sample_radius >= 1.0 else "still stable."),
         )
 

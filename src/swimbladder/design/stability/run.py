@@ -6,6 +6,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -48,9 +49,11 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.supervision import supervision_of
-from swimbladder.units import length
+from swimbladder.units import length, say
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import no_such
+
+_say = partial(say, "design", "stability")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,10 +96,7 @@ class Stability(Answer):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What a person wants to know, in order."""
-        small: tuple[str, ...] = (
-            f"The law {self.law} is not linear around rest: it has no eigenvalues and no margins. "
-            "What follows is by simulation.",
-        )
+        small: tuple[str, ...] = (_say("not linear", found=self),)
         if self._small is not None:
             small = self._small.sentences(self.depths)
         beyond = (self.beyond,) if self.beyond else ()
@@ -204,10 +204,7 @@ def _cycle_words(c: Confirmed) -> str:
     size = f"{length(p.depth_amplitude)} every {p.cycle.period:.3g} s"
     said = f"{head}: {who} predicts {kind} of {size}"
     if not p.cycle.believed:
-        said += (
-            f", and cannot be relied on: its error may be {100 * p.cycle.amplitude_error:.0f} % of "
-            f"amplitude and {100 * p.cycle.period_error:.0f} % of period by the third harmonic"
-        )
+        said += _say("not relied on", p=p)
     if s is None and p.place == "decision":
         return f"{said}; the way is too short to show three of them."
     if s is None:
@@ -452,16 +449,10 @@ def _beyond(vehicle: Vehicle, deepest: float) -> str:
     if vehicle.command == "volume change":
         stalls = pump_stall(vehicle, depth=deepest).holding_depth
         if stalls < deepest:
-            return (
-                f"Below {stalls:.4g} m more leaks back than the pump delivers: no law brings "
-                "the vehicle up from there."
-            )
+            return _say("pump leaks", stalls=stalls)
     neutral = neutral_end(p)
     if neutral < deepest:
-        return (
-            f"Below {neutral:.4g} m the stroke no longer makes the vehicle neutral: no law holds "
-            "it there, and what is said of small disturbances ends there."
-        )
+        return _say("stroke ends", neutral=neutral)
     if rating is not None and rating < deepest:
         return f"The hull is rated for {rating:g} m only; the depths asked for go beyond."
     return ""

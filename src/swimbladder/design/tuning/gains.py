@@ -44,8 +44,11 @@ from swimbladder.io.progress import Advance
 from swimbladder.physics.buoyancy_engine import at_voltage
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.units import say
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import no_such
+
+_say = partial(say, "design", "tuning")
 
 OVERSHOOT = 0.03  # in 95 % of the runs, that a fast law may have
 OF_LEAST = 1.5  # times the least time, within which it has to settle in 95 % of the runs
@@ -650,18 +653,9 @@ class Search:
         if goal != "fast" and not off <= _LOST * held:
             better = [n for n in tunable_names(self.law.command) if recipe_of(n).holds_best]
             other = "" if recipe.holds_best or not better else f"the law {better[0]} or "
-            raise NoAnswerError(
-                f"no gains of the law {name!r} that were tried hold a depth to {1e3 * held:.3g} mm "
-                f"rms over the region: the best has {1e3 * off:.3g} mm. A greater error allowed, a "
-                f"better depth sensor, {other}parameters known better would help"
-            )
+            raise NoAnswerError(_say("not held", name=name, held=held, off=off, other=other))
         if goal == "fast" and not off <= _AWAY * abs(step.target - step.start):
-            raise NoAnswerError(
-                f"no gains of the law {name!r} that were tried bring the vehicle through the step "
-                f"over the region: at its end the best is off by {off:.3g} m rms, with a depth "
-                f"noise of {1e3 * self.setting.noise:.3g} mm assumed. Another law, a better depth "
-                "sensor, a goal of quiet, a larger supply or parameters known better would help"
-            )
+            raise NoAnswerError(_say("not there", name=name, off=off, found=self))
         for _, tuning, over in scored:
             m = None
             if recipe.linear:
@@ -726,12 +720,7 @@ class Search:
         numbers, counts = np.unique(runs.alarm[runs.alarm > 0], return_counts=True)
         reasons = [Reason(int(n)).words for n in numbers[np.argsort(-counts)]]
         why = f": {', '.join(reasons)}" if reasons else ""
-        raise NoAnswerError(
-            f"in {100.0 * over.alarms:.3g} % of {over.runs} runs over the region the supervisor "
-            f"takes a healthy vehicle for a faulty one and brings it up{why}, with a depth noise "
-            f"of {1e3 * self.setting.noise:.3g} mm assumed. Widen what [supervisor] allows "
-            "(neutral_range, neutral_change, patience), or know vehicle, water and sensor better"
-        )
+        raise NoAnswerError(_say("alarms", over=over, why=why, found=self))
 
     def _chosen(self, tuning: Any, m: Margins | None, over: Trial, radius: float) -> Found:
         self._refuse_alarms(tuning, over)
@@ -761,11 +750,7 @@ class Search:
             self.report(0.2 / len(every))
         if not kept:
             why = unheld if least < 1.0 else f"the smallest eigenvalue has the modulus {least:.3g}"
-            raise NoAnswerError(
-                f"no setting of the law {name!r} is stable from decision to decision over the "
-                f"region: {why}. Parameters known better, a wider band (`hold=`) or a faster pump "
-                "would help"
-            )
+            raise NoAnswerError(_say("unstable decisions", name=name, why=why))
         scored = []
         for radius, tuning in kept:
             few = drawn._replace(runs=min(drawn.runs, _FLIGHTS[goal]), supervised=False)
@@ -780,11 +765,15 @@ class Search:
         alone = self.tried(tuning, lone)[2] if over.alarms > 0.0 else over
         if alone.settled < _ARRIVE or not alone.rms <= _LOST * held:
             raise NoAnswerError(
-                f"no setting of the law {name!r} brings the float over {span:g} m and keeps it "
-                f"within {held:g} m over the region: of the best {100.0 * alone.settled:.0f} % of "
-                f"{over.runs} flights arrive and stay in {step.duration / 3600.0:.3g} h, "
-                f"{alone.rms:.3g} m rms. A wider band (`hold=`), a faster pump, more stroke or "
-                "parameters known better would help"
+                _say(
+                    "floats not there",
+                    name=name,
+                    span=span,
+                    held=held,
+                    alone=alone,
+                    over=over,
+                    duration=step.duration / 3600.0,
+                )
             )
         self.report(0.3)
         return self._chosen(tuning, None, over, radius)

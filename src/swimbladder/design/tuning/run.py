@@ -33,9 +33,11 @@ from swimbladder.physics.seawater.cast_unit import check_cast_unit
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
-from swimbladder.units import rounded
+from swimbladder.units import rounded, say
 from swimbladder.vehicle import Controller, DatasheetPump, Positioner, PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import no_such
+
+_say = partial(say, "design", "tuning")
 
 SOONER = 1.05  # times the time of the fastest law, within which the quietest is taken
 MOVED = 10e-3 / 3600.0  # m3/s, that a fast law is to move at most while it holds a depth
@@ -527,10 +529,7 @@ def _check_reach(
     """Raise NoAnswerError where stroke or supply does not reach one of the depths, least first."""
     deepest, rating = depths[-1], vehicle.hull.depth_limit
     if rating is not None and deepest > rating:
-        raise NoAnswerError(
-            f"the hull is rated for {rating:g} m, and {deepest:g} m are asked for: no law changes "
-            f"that. Tune for less depth {_ASKED}"
-        )
+        raise NoAnswerError(_say("rated", rating=rating, deepest=deepest, asked=_ASKED))
     stroke = vehicle.stroke
     cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
     for depth in depths:
@@ -553,11 +552,7 @@ def _check_reach(
         pump = pump_stall(at_voltage(vehicle, supply), depth=deepest)
         if pump.holding_depth <= deepest:
             at = f"with {supply:.3g} V " if math.isfinite(supply) else ""
-            raise NoAnswerError(
-                f"{at}the pump delivers less than leaks back below {pump.holding_depth:.4g} m: "
-                f"no law brings the vehicle up from {deepest:g} m. It takes a stronger pump, a "
-                f"higher supply, or less depth {_ASKED}"
-            )
+            raise NoAnswerError(_say("pump leaks", at=at, pump=pump, deepest=deepest, asked=_ASKED))
         return
     if not vehicle.voltage_driven:
         return
@@ -565,8 +560,7 @@ def _check_reach(
     limit = stall(p, depth=deepest, depth_limit=None).depth
     if limit is not None and deepest >= limit:
         raise NoAnswerError(
-            f"with {supply:.3g} V the motor can no longer extend below {limit:.4g} m: no law holds "
-            f"the vehicle at {deepest:g} m. It takes a higher supply, or less depth {_ASKED}"
+            _say("stalls", supply=supply, limit=limit, deepest=deepest, asked=_ASKED)
         )
 
 
@@ -584,11 +578,7 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
     beyond = [f"{end:g} m" for end in step if not depths[0] <= end <= depths[1]]
     if not beyond:
         return []
-    return [
-        f"the step of the trials, {step[0]:g} to {step[1]:g} m, leaves the depths of "
-        f"{depths[0]:g} to {depths[1]:g} m (`depth_range=`): the margins are judged at "
-        f"{' and '.join(beyond)} as well"
-    ]
+    return [_say("step leaves depths", step=step, depths=depths, beyond=" and ".join(beyond))]
 
 
 def _in_water(column: Column | None, off: Array, *, pumped: bool) -> list[str]:

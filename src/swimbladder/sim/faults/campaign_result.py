@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,9 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course, FaultRow, Result, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
-from swimbladder.units import rounded
+from swimbladder.units import rounded, say
+
+_say = partial(say, "sim", "faults")
 
 _FIELDS = [
     ("start", np.float64),  # m
@@ -252,30 +254,15 @@ class FaultResult(Answer):
             yield f"not drawn, as it lacks {part}: {', '.join(names)}"
         able, total = int(self.recoverable.sum()), len(self.faulty)
         gone = self.lines()[-1]
-        yield (
-            f"{able} of {total} missions are recoverable: full buoyancy, commanded 60 s after "
-            f"fault onset, surfaces the vehicle. With the supervisor {gone.recovered} of them were "
-            f"recovered; without it {100.0 * self.lost_without_supervisor:.0f} % were lost "
-            f"({100.0 * self.all_lost_without_supervisor:.0f} % of all missions). Of the other "
-            f"{total - able} the supervisor brought up {gone.unrecoverable_surfaced}."
+        yield _say(
+            "recoverable", able=able, total=total, gone=gone, found=self, others=total - able
         )
         if len(self.lost_early):
-            yield (
-                f"{len(self.lost_early)} more were lost that full buoyancy 60 s after the onset of "
-                "the first of two faults would have surfaced, but not 60 s after the second: by "
-                "then it was too late, or the second had had no effect yet"
-            )
+            yield _say("lost early", lost_early=len(self.lost_early))
         if len(self.filled):
-            yield (
-                f"{len(self.filled)} of the recovered surfaced no later than with full buoyancy "
-                "60 s after fault onset, and were then filled by a leak at full buoyancy: no "
-                "command helps"
-            )
+            yield _say("filled", filled=len(self.filled))
         if len(self.cut_short):
-            yield (
-                f"in {len(self.cut_short)} missions the time limit acts before the depth has "
-                'drifted by 3 m: `time_limit="9 h"` leaves time for all'
-            )
+            yield _say("time limit", cut_short=len(self.cut_short))
         if self.lost_without_supervisor < MILD:
             few = f"less than {MILD:.0%} of the recoverable missions were lost"
             yield f"the faults are mild for this law: without the supervisor {few}"

@@ -39,8 +39,10 @@ from swimbladder.sim.mission import orders, words
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
-from swimbladder.units import rounded
+from swimbladder.units import rounded, say
 from swimbladder.vehicle import Vehicle
+
+_say = partial(say, "sim", "mission")
 
 _NOISE = 6.0  # standard deviations of the depth that a band takes
 _NEAR = 1.25  # a remedy over what does not do, to which it is found by flights
@@ -110,10 +112,7 @@ def check_reach(vehicle: Vehicle, mission: Mission, plan: Plan) -> Reach:
         end = stroke.maximum if over >= under else stroke.minimum
         reserve = f", with {kept * 1e6:.4g} cm3 kept back (safety.stroke)" if kept > 0.0 else ""
         raise NoAnswerError(
-            f"the stroke is too short at {need.depth:.0f} m by {lack * 1e6:.3g} cm3: to "
-            f"{need.words} there takes {need.volume * 1e6:.4g} cm3 (phase {need.phase!r}), and it "
-            f"ends at {end * 1e6:.4g} cm3{reserve}. Trim the vehicle, lengthen its stroke, or go "
-            "slower or less deep"
+            _say("stroke too short", need=need, lack=lack, end=end, reserve=reserve)
         )
     _check_depths(vehicle, mission, plan)
     return found
@@ -164,11 +163,7 @@ def _needs(vehicle: Vehicle, phase: Phase, start: float, end: float, plan: Plan)
 def _check_depths(vehicle: Vehicle, mission: Mission, plan: Plan) -> None:
     deepest, back = float(plan.given["deepest"]), plan.back
     if mission.safety.deepest is not None and mission.safety.deepest > back:
-        raise NoAnswerError(
-            f"safety.deepest is {mission.safety.deepest:g} m, and below {back:.0f} m the vehicle "
-            "could not come up: its neutral volume is beyond the stroke, or the drive stalls. "
-            f"Write {back:.0f} m at most, or leave it out"
-        )
+        raise NoAnswerError(_say("too deep for it", mission=mission, back=back))
     limit = vehicle.hull.depth_limit or np.inf
     why = "below which it could not come up" if back < limit else "hull.depth_limit"
     if mission.safety.deepest is not None:
@@ -282,10 +277,7 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
     psi = look_up(plan.table, float(plan.given["step"]), Table.NEUTRAL, depth)[1]
     sigma = orders.growth_rate(flight.vehicle, psi, speed)
     if sigma > 0.0:
-        why += (
-            f". It is unstable there, e-folding time {1.0 / sigma:.3g} s: its hull loses "
-            f"{psi * 1e6:.3g} cm3/m more than the water"
-        )
+        why += _say("unstable there", sigma=1.0 / sigma, psi=psi)
         remedies += ["stiffen the hull (hull.psi)"]
     elif phase.kind != "hold" and not drowned:
         return  # a park at its cost

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from swimbladder.sim.engine.rodas.records import Ice as Turn
 from swimbladder.sim.engine.rodas.records import Note, Records, Stop, Table
 from swimbladder.sim.mission.core.phases import Grounding, Kind
 from swimbladder.sim.mission.prepare import HELD, cost_words, start_time
+from swimbladder.units import say
 from swimbladder.vehicle import PumpAndValve
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
     from swimbladder.sim.mission.flight import Flight
     from swimbladder.sim.mission.prepare import Plan
     from swimbladder.sim.mission.result import MissionResult
+
+_say = partial(say, "sim", "mission")
 
 
 _LONGER_RUNS = "Allow longer runs, or take a pump that delivers more, or a smaller line"
@@ -58,10 +62,7 @@ def timeout_words(flight: Flight, phase: int) -> str:
     if stage["kind"] == Kind.SURFACE:
         missing = 1e6 * float(flight.plan.given["v_max"] - late["v"][k])
         return f"it was at {z:.1f} m, {short[k]:.1f} m short, with {missing:.3g} cm3 not out"
-    return (
-        f"it was at {z:.1f} m, {short[k]:.1f} m short of the {stage['tolerance']:g} m around "
-        f"{stage['depth']:g} m"
-    )
+    return _say("short", z=z, short=short[k], stage=stage)
 
 
 def battery_words(flight: Flight) -> str:
@@ -176,17 +177,12 @@ def note_words(result: MissionResult) -> list[str]:
     sensors = result.flight.vehicle.sensors
     by_time = result.flight.plan.given["by_volume"] == 0.0
     if by_time and (sensors.volume_noise or sensors.volume_quantum):
-        found.append(
-            "sensors.volume_noise and sensors.volume_quantum change nothing here: pump and "
-            "valve run for a time, and no volume is measured"
-        )
+        found.append(_say("no volume measured"))
     for phase, stage in zip(result.flight.mission.phases, result.flight.plan.stages, strict=True):
         tolerance = float(stage["tolerance"])
         if phase.depth is not None and tolerance >= phase.depth:
             found.append(  # the file's own is refused: it is the law's, or 10 m
-                f"the phase {phase.title!r} gives no tolerance, and the {tolerance:g} m that are "
-                f"taken reach from its {phase.depth:g} m to the surface: that it is reached and "
-                "held says nothing. Give a smaller one (tolerance)"
+                _say("no tolerance", phase=phase, tolerance=tolerance)
             )
     return found
 
@@ -227,10 +223,7 @@ def reason_words(result: MissionResult) -> list[str]:
         )
     deepest = float(np.max(result.flight.cycles["deepest"]))
     if deepest > result.flight.column.deepest:
-        found.append(
-            f"it went down to {deepest:.0f} m, where the water is not known: below "
-            f"{result.flight.column.deepest:.0f} m it goes on as it ends there"
-        )
+        found.append(_say("beyond the water", deepest=deepest, result=result))
     if not result.energy_known:
         found.append(result.flight.plan.energy_known)
     return found
@@ -239,10 +232,7 @@ def reason_words(result: MissionResult) -> list[str]:
 def _missed_words(result: MissionResult, name: str, number: int) -> str:
     """Say what kept a phase from its depth, and what to do."""
     if name in result.grounded:
-        return (
-            "grounded, it did not come up to where it goes on. Let it find the bottom by less "
-            "volume (grounding.volume), or decide more often (check_interval)"
-        )
+        return _say("grounded")
     came = timeout_words(result.flight, number)
     return f"{came}. " + (_starts_words(result, number) or _MORE_TIME)
 
@@ -301,10 +291,7 @@ def _starts_words(result: MissionResult, number: int) -> str:
         return starts_words(flight, number)
     phase, law = flight.mission.phases[number], flight.plan.laws[number].law.name
     slower = "slower (speed)" if phase.speed is not None else "at a speed (speed), and not at once"
-    return (
-        f"The law {law!r} flew it: check its gains with `tune` or `analyse`, or ask for the depth "
-        f"{slower}"
-    )
+    return _say("law flew", law=law, slower=slower)
 
 
 def _hold_words(result: MissionResult, number: int) -> str:
@@ -342,7 +329,4 @@ def _unwatched(result: MissionResult) -> list[str]:
     vehicle, flown = result.flight.vehicle, result.flight.plan
     if "supervisor" not in vehicle.model_fields_set or vehicle.controller or flown.laws:
         return []
-    return [
-        "the mission's own rule flies it, without its supervisor: that is of a board whose law the "
-        "vehicle's [controller] says, and it has none"
-    ]
+    return [_say("no board")]

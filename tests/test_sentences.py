@@ -1,4 +1,4 @@
-"""Every sentence of an estimation is used, and gets the values that it names."""
+"""Every sentence of a package is used, and gets the values that it names."""
 
 import ast
 from pathlib import Path
@@ -6,18 +6,24 @@ from string import Formatter
 
 import pytest
 
-import swimbladder.estimation
-from swimbladder.estimation.estimates import _PER_SI, _SENTENCES, Finding, sentence
-from swimbladder.units import unit_factor
+import swimbladder
+from swimbladder.estimation.estimates import Finding, sentence
+from swimbladder.units import PER_SI, texts_of, unit_factor
 
-ROOM = Path(swimbladder.estimation.__file__).parent
+ROOT = Path(swimbladder.__file__).parent
+ROOM, TEXTS = ROOT / "estimation", texts_of("estimation")
+OTHERS = ("design", "physics", "sim")
 DRIVEN = {"voltage", "nothing", "reference"}  # keys by what drives an actuator
 SI = {
+    "cm": "m",
+    "cm/s": "m/s",
     "cm3": "m3",
     "cm3/m": "m3/m",
+    "cm3/s": "m3/s",
     "cm3/h": "m3/s",
     "mL": "m3",
     "L": "m3",
+    "L/h": "m3/s",
     "mm": "m",
     "mm/s": "m/s",
     "min": "s",
@@ -36,7 +42,16 @@ def calls():
 
 
 def fields(text):
-    return {name.split(".")[0] for _, name, _, _ in Formatter().parse(text) if name}
+    named = (name for _, name, _, _ in Formatter().parse(text) if name)
+    return {name.split(".")[0].split("[")[0] for name in named}
+
+
+def rooms_of(tree):
+    """Return the package and the room whose sentences a module says: `_say = partial(...)`."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "_say":
+            return [a.value for a in node.value.args[1:]]
+    return None
 
 
 def test_every_call_gives_the_values_that_its_sentence_names():
@@ -49,25 +64,42 @@ def test_every_call_gives_the_values_that_its_sentence_names():
         text = "text" if function == "Finding.of" or not other else other[0]
         if function == "sentence" and count != len(words):
             continue
-        assert fields(_SENTENCES[room][key][text]) == given, (file, room, key)
+        assert fields(TEXTS[room][key][text]) == given, (file, room, key)
         checked += 1
     assert checked > 30
 
 
+@pytest.mark.parametrize("package", OTHERS)
+def test_every_sentence_of_a_room_is_said_with_the_values_that_it_names(package):
+    spoken = {room: set() for room in texts_of(package)}
+    for path in (ROOT / package).rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree) if (place := rooms_of(tree)) else ():
+            if not (isinstance(node, ast.Call) and ast.unparse(node.func) == "_say"):
+                continue
+            of, room = place
+            texts, (key, *_) = texts_of(of)[room], node.args
+            choices = [a.value for a in ast.walk(key) if isinstance(a, ast.Constant)]
+            for choice in (one for one in choices if one in texts):
+                assert fields(texts[choice]) == {k.arg for k in node.keywords}, (path.name, choice)
+                spoken[room].add(choice)
+    assert spoken == {room: set(texts) for room, texts in texts_of(package).items()}
+
+
 def test_every_sentence_is_used():
     source = "".join(path.read_text(encoding="utf-8") for path in ROOM.rglob("*.py"))
-    for room, keys in _SENTENCES.items():
+    for room, keys in TEXTS.items():
         for key, known in keys.items():
             assert f'"{key}"' in source or key in DRIVEN, (room, key)
             assert known["text"].strip() == known["text"]
 
 
-@pytest.mark.parametrize("unit", sorted(_PER_SI))
+@pytest.mark.parametrize("unit", sorted(PER_SI))
 def test_a_unit_is_worth_what_units_say(unit):
     if unit == "%":
-        assert _PER_SI[unit] == 100.0
+        assert PER_SI[unit] == 100.0
     else:
-        assert _PER_SI[unit] * unit_factor(unit, SI[unit]) == pytest.approx(1.0, rel=1e-12)
+        assert PER_SI[unit] * unit_factor(unit, SI[unit]) == pytest.approx(1.0, rel=1e-12)
 
 
 def test_a_number_is_written_in_the_unit_of_the_sentence():
