@@ -48,9 +48,7 @@ GROUPS = {
         "board": "Hardware in the loop: the C on a board.",
         "faults": "Fault campaign with the vehicle's C and supervisor.",
     },
-    "Check us": {
-        "reproduce": "Reproduce the paper's figures, tables and numbers.",
-    },
+    "Check us": {"reproduce": "Reproduce the paper's figures, tables and numbers."},
 }
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 PANELS = {name: panel for panel, commands in GROUPS.items() for name in commands}

@@ -324,13 +324,7 @@ class More(Options):
 
 @grouped("port time_limit missions steps", out=Path("swimbladder-board"))
 def board(
-    vehicle: VehicleName,
-    *,
-    line: Line,
-    limit: TimeLimit,
-    golden: Golden,
-    more: More,
-    to: Files,
+    vehicle: VehicleName, *, line: Line, limit: TimeLimit, golden: Golden, more: More, to: Files
 ) -> None:
     """Simulate the vehicle with the C on a board at a serial port: hardware in the loop.
 

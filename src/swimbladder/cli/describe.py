@@ -278,13 +278,7 @@ class Stds(Options):
 
 @grouped("max_depth neutral_depth freeboard material mass", out=Path("swimbladder-ballast"))
 def ballast(
-    vehicle: VehicleName,
-    *,
-    target: Targets,
-    task: Reach,
-    stds: Stds,
-    reading: Casts,
-    to: Files,
+    vehicle: VehicleName, *, target: Targets, task: Reach, stds: Stds, reading: Casts, to: Files
 ) -> None:
     r"""Find the ballast in a measured cast, and whether the stroke suffices.
 

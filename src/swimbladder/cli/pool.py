@@ -208,10 +208,7 @@ class Goals(Options):
         "SHARE", 'Target standard error, all but psi (2 %); or "K2=2%,T2=3%".', read=_targets
     )
     neutral_std: str = valued(
-        "VOLUME",
-        "Prior of each log's neutral volume, 1 sigma.",
-        "0.5 cm3",
-        read=deviation("m3"),
+        "VOLUME", "Prior of each log's neutral volume, 1 sigma.", "0.5 cm3", read=deviation("m3")
     )
     drift_std: str = valued("RATE", "Drift of each log's neutral volume, 1 sigma.", "0.1 cm3/min")
     delay_std: str = valued("TIME", "Delay of the volumes' time stamps, 1 sigma.", "0.2 s")

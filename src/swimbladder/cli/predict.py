@@ -187,12 +187,7 @@ def _simulated(vehicle: Vehicle, task: dict[str, Any], how: How, column: Column 
     blas = contextlib.nullcontext() if floats else _no_search_for_blas()
     with working("simulating") as advance, blas:
         return simulate_closed_loop(
-            vehicle,
-            **task,
-            seed=how.seed,
-            cast=column,
-            supervised=how.supervised,
-            advance=advance,
+            vehicle, **task, seed=how.seed, cast=column, supervised=how.supervised, advance=advance
         )
 
 

@@ -413,13 +413,7 @@ def _check_dive(mission: Mission, shallow: float) -> None:
     """Raise InputError where a float's golden mission is none."""
     start, target, duration = mission
     for option, value, good, unit, what in (
-        (
-            "step",
-            start,
-            start >= 0.0,
-            "m",
-            "a float starts at the surface, 0 m, or below it",
-        ),
+        ("step", start, start >= 0.0, "m", "a float starts at the surface, 0 m, or below it"),
         ("step", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
         ("duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
     ):

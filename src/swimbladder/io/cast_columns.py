@@ -111,10 +111,7 @@ class RawCast:
 
 
 def raw_cast(
-    columns: Mapping[str, Array | None],
-    file: LogFile,
-    row: NDArray[np.int64],
-    **more: Any,
+    columns: Mapping[str, Array | None], file: LogFile, row: NDArray[np.int64], **more: Any
 ) -> RawCast:
     """Return the columns of a profile, by their names in `CAST_COLUMNS`, as a cast.
 

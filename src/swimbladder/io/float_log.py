@@ -108,10 +108,7 @@ class FloatLog:
 
 
 def table_log(
-    time: Array,
-    pressure: Array,
-    runs: Iterable[tuple[float, Device, float]],
-    **more: Any,
+    time: Array, pressure: Array, runs: Iterable[tuple[float, Device, float]], **more: Any
 ) -> FloatLog:
     """Return the log of pressures [Pa] at times [s], in order, and runs: begin [s], device, [s].
 

@@ -532,12 +532,7 @@ def _fly_all(
 
 
 def _assumptions(
-    vehicle: Vehicle,
-    range_words: str,
-    around: Region,
-    column: Column | None,
-    *,
-    supervised: bool,
+    vehicle: Vehicle, range_words: str, around: Region, column: Column | None, *, supervised: bool
 ) -> tuple[str, ...]:
     sensors = vehicle.sensors
     noise = f"depth noise of {1e3 * sensors.depth_noise:.2g} mm"

@@ -566,10 +566,7 @@ def rules_of(
 
 
 def asked_of(
-    vehicle: Vehicle,
-    known: Asked,
-    *,
-    target_std: float | Sequence[Target] | None = None,
+    vehicle: Vehicle, known: Asked, *, target_std: float | Sequence[Target] | None = None
 ) -> Asked:
     """Return what is to be identified, how well, and what is `known` before.
 

@@ -306,10 +306,7 @@ class Around(NamedTuple):
     def sentences(self, depths: tuple[float, float]) -> tuple[str, ...]:
         """Return what a person wants to know, of `depths` from and to [m]."""
         if not self.stable:
-            return (
-                _say("unstable", found=self),
-                _say("shorter samples"),
-            )
+            return (_say("unstable", found=self), _say("shorter samples"))
         m, short = self.margins, margins.violated_margins(self.margins)
         mode, at = self.slowest
         damped, where = self.least_damped

@@ -148,10 +148,7 @@ FAULTS: Mapping[str, int] = {name: number for number, name in enumerate(_TABLES,
 """Number of a kind of fault in the kernel, by its name in the catalogue."""
 KINDS: Mapping[int, Kind] = dict(enumerate(map(_kind, _TABLES.values()), 1))
 EFFECTS = np.array(
-    [
-        (-1, -1, -1),
-        *((k.on, k.op, -1 if k.also is None else k.also) for k in KINDS.values()),
-    ]
+    [(-1, -1, -1), *((k.on, k.op, -1 if k.also is None else k.also) for k in KINDS.values())]
 )
 """What a kind of fault acts on, how, and on what else, by its number, for the kernels."""
 

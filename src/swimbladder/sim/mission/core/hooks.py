@@ -339,11 +339,7 @@ hook_in(
 
 
 def fly(
-    phases: Phases,
-    law: Law = RULE,
-    like: Like | None = None,
-    work: Any = None,
-    board: Any = None,
+    phases: Phases, law: Law = RULE, like: Like | None = None, work: Any = None, board: Any = None
 ) -> Stop:
     """Fly until a cycle is over, a buffer is full, or the mission ends.
 
