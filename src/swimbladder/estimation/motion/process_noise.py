@@ -25,7 +25,13 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.record import adds_warmth, more_warmth
+from swimbladder.estimation.comparison.record import (
+    adds_warmth,
+    as_white,
+    early_moves,
+    more_warmth,
+    volume_errors,
+)
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
 from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
 from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
@@ -40,7 +46,6 @@ from swimbladder.estimation.motion.problem import (
     Experiment,
     Problem,
 )
-from swimbladder.estimation.motion.volume_errors import as_white, early_moves, volume_errors
 from swimbladder.estimation.series import Index
 from swimbladder.io.answers import as_json
 from swimbladder.physics.arrays import Array, Flags
@@ -92,7 +97,7 @@ NO_NOISE: Mapping[str, float] = {
 }
 _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offset
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
-EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `volume_errors.early_moves`
+EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `record.early_moves`
 EARLY_STD = 0.8
 _HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
 _LAG = Quantity("hull_lag", False, 100.0, 50.0, (0.0, 100.0))  # s, time constant of the hull
