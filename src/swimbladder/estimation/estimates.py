@@ -116,6 +116,22 @@ def check_names(
             raise InputError("named twice", field=option, value=name, remedy="Name it once")
 
 
+_SERIES = ("time", "depth", "pressure", "volume", "piston", "voltage")
+
+
+def check_distinct(logs: Sequence[Any]) -> None:
+    """Raise InputError where the samples of a log are there twice: they would count for two."""
+    seen: dict[tuple[bytes, ...], str] = {}
+    for log in logs:
+        series = [values for name in _SERIES if (values := getattr(log, name, None)) is not None]
+        key = tuple(values.tobytes() for values in series)
+        if key in seen:
+            what = f"its samples are those of {seen[key]}, and would count twice"
+            remedy = "Give each log once"
+            raise InputError(what, field="LOG", value=log.source, remedy=remedy)
+        seen[key] = log.source
+
+
 @dataclass(frozen=True)
 class Estimate:
     """A value with its standard deviation and 95 % interval, in `unit`.

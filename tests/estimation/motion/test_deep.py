@@ -266,7 +266,8 @@ def test_dives_that_contradict_each_other_widen_the_intervals(scene) -> None:
     others, _ = two_dives(vehicle, column, TRUTH | {"valve": 1.0})
     held = ("drag", "stiffening", "inertia", "pump_start", "pump_slip", "valve_laminar")
     held = {name: TRUTH[name] for name in held}
-    agreed = identify_deep([*logs, *logs], [column], vehicle, fixed=held)
+    alike = [replace(log, pressure=log.pressure + 1.0) for log in logs]  # Pa
+    agreed = identify_deep([*logs, *alike], [column], vehicle, fixed=held)
     assert agreed.fit.tempering > 0.5
     told = identify_deep([*logs, *others], [column], vehicle, fixed=held)
     assert told.fit.tempering < 0.4
@@ -429,6 +430,8 @@ def test_what_cannot_be_identified(scene) -> None:
         identify_deep([log], [column], vehicle, free=["drag"], fixed={"drag": 1.0})
     with pytest.raises(InputError, match="no runs of pump or valve"):
         identify_deep([made_up_log([], 8.0)], [column], vehicle)
+    with pytest.raises(InputError, match="would count twice"):
+        identify_deep([log, log], [column], vehicle)
     shallow = replace(log, pressure=np.full(len(log), 1e4))
     with pytest.raises(InputError, match="no dive"):
         identify_deep([shallow], [column], vehicle)

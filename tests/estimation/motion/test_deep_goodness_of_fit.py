@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from studies.deep_drawn import drawn, known, the_vehicle
+from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.estimates import Prior
 from swimbladder.estimation.motion.deep import (
     Misfit,
@@ -54,6 +55,31 @@ def test_dives_that_belong_together_are_not_doubted(agreed) -> None:
             said["distance"],
         ) == told.misfit
         assert told.misfit.distance < 2.0
+
+
+FREE = ("compressibility", "thermal_expansion", "pump_delivery")
+
+
+def test_dives_in_reverse_order_are_no_dives(scene) -> None:
+    """Buoyancy and drag of the other sign: a hull softer than water explains that."""
+    vehicle, column, (logs, _) = scene
+    log = logs[0]
+    last = float(log.time[-1])
+    back = {name: getattr(log, name)[::-1] for name in ("pressure", "temperature")}
+    runs = [replace(a, time=last - a.time - a.seconds) for a in log.actions if a.time < last]
+    turned = replace(log, time=last - log.time[::-1], actions=tuple(runs[::-1]), **back)
+    found = identify_deep([turned], [column], vehicle, free=FREE)
+    assert not found.identified
+    assert "more compressible than water" in found.sentences[0]
+
+
+def test_dives_that_no_filter_follows_are_no_warning_of_numpy(scene) -> None:
+    """Pressures for temperatures: a variance of the filter came out below 0."""
+    vehicle, column, (logs, _) = scene
+    log = logs[0]
+    swapped = replace(log, pressure=1e5 * log.temperature, temperature=1e-4 * log.pressure)
+    with pytest.raises(NoAnswerError, match="cannot follow these dives"):
+        identify_deep([swapped], [column], vehicle, free=FREE)
 
 
 def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> None:

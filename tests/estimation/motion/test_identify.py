@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
+from studies.benches import Motor, random_moves
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.actuator import identify_actuator
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.estimation.motion.diagnose import directions, single_gains
 from swimbladder.estimation.motion.fit import fit
@@ -252,6 +254,17 @@ def test_what_does_not_go_together_is_refused(options, message):
 def test_no_log_is_refused():
     with refused(InputError, field="LOG"):
         identify([], FEUP_EM)
+
+
+def test_a_log_that_is_given_twice_is_refused():
+    """It made an interval narrower by the root of two."""
+    log = pool_log(20e-6, longest=10.0)
+    for command, logs in (
+        (identify, [log, dataclasses.replace(log, source="copy")]),
+        (identify_actuator, 2 * [random_moves(np.random.default_rng(4), Motor(T1=0.05))]),
+    ):
+        with refused(InputError, field="LOG", value=logs[1].source):
+            command(logs, FEUP_EM)
 
 
 @pytest.mark.slow

@@ -34,6 +34,7 @@ from swimbladder.estimation.estimates import (
     Estimate,
     Finding,
     Severity,
+    check_distinct,
     check_names,
     read_values,
     sentence,
@@ -169,6 +170,7 @@ def identify_actuator(
     check_names(tuple(required or ()), PARAMETERS, "required", "there is no such parameter")
     if not logs:
         raise InputError("there are no logs", field="LOG", remedy="Give one log or more")
+    check_distinct(logs)
     benches = [bench(log, vehicle) for log in logs]
     driven = _one_kind(benches)
     if driven != "voltage" and fixed:

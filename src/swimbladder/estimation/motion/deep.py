@@ -27,7 +27,14 @@ from scipy.special import ndtri
 from swimbladder.control.argo import ARGO, let_in
 from swimbladder.control.registry import bind
 from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Estimate, Origin, Prior, sentence, undetermined
+from swimbladder.estimation.estimates import (
+    Estimate,
+    Origin,
+    Prior,
+    check_distinct,
+    sentence,
+    undetermined,
+)
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
 from swimbladder.estimation.motion.deep_model import (
@@ -123,6 +130,8 @@ _PLACES: dict[str, tuple[str, str]] = {
     "bypass": ("actuator.bypass.flow", _SECONDS.format("bypass", "flow")),
     "creep": ("actuator.creep", "the cast, and whether the log leaves out runs"),
 }
+_DEVICES = ("pump_delivery", "valve", "bypass")  # what moves volume, for sure more than 0
+_WATERS = 5e-10  # 1/Pa, a compressibility that no sea water has, and no hull that comes back
 _BOUNDS = {
     "gt": (operator.gt, "more than {:g}"),
     "ge": (operator.ge, "{:g} or more"),
@@ -481,6 +490,7 @@ def identify_deep(
     held, before = check_deep_request(
         vehicle, len(logs), len(casts), free=free, fixed=fixed, priors=priors
     )
+    check_distinct(logs)
     each = list(casts) * (len(logs) if len(casts) == 1 else 1)
     pairs = zip(logs, each, strict=True)
     dives = [deep_dive(log, column, vehicle, name=Path(log.source).name) for log, column in pairs]
@@ -498,7 +508,8 @@ def identify_deep(
     fits = tuple(_dive_fit(body, fit, k, dive) for k, dive in enumerate(dives))
     advance(0.1)
     weak = [name for name in fit.names if not fit.identified(name)]
-    open_ = [n for n in fit.names if undetermined(parameters[n], (least(known, n), math.inf))]
+    ends = {n: 0.0 if n in _DEVICES else least(known, n) for n in fit.names}
+    open_ = [n for n in fit.names if undetermined(parameters[n], (ends[n], math.inf))]
     missed = [name for name in weak if not fit.identified_singly(name)]
     asked = [n for n in missed if n in (free or ()) or len(missed) == len(fit.names)]
     asked += [n for n in open_ if n not in asked]
@@ -506,6 +517,9 @@ def identify_deep(
     # A compressibility that dives hardly determine is held at 0, as `identified_vehicle` does.
     placed = [n for n in fit.names if n not in asked and (n not in weak or n != "compressibility")]
     strange = out_of_place(vehicle, fit.values, placed)
+    e = parameters.get("compressibility")
+    if e is not None and e.ci95[0] > _WATERS:
+        strange.append(sentence("deep", "softer than water", value=e.value, low=e.ci95[0]))
     good = not (asked or bad or strange)
     return DeepIdentification(
         vehicle=vehicle,

@@ -33,8 +33,8 @@ from typing import NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from swimbladder.errors import InputError
-from swimbladder.estimation.estimates import Prior
+from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.estimates import Prior, sentence
 from swimbladder.estimation.motion.deep_filter import V0, Noise
 from swimbladder.estimation.motion.deep_model import (
     GATE,
@@ -389,6 +389,8 @@ class _Problem:
         """
         here = self.filtered(x)
         v, S, _ = _joined(here)
+        if not (S > 0.0).all():
+            raise NoAnswerError(sentence("deep", "no filter"))
         dv, dS = np.zeros((len(v), len(x))), np.zeros((len(v), len(x)))
         starts = np.zeros((len(here), len(x)))
         axes = _STEP * np.eye(len(free))

@@ -27,6 +27,7 @@ from swimbladder.estimation.estimates import (
     Finding,
     Prior,
     bounded_fit,
+    check_distinct,
     read_priors,
     read_values,
     sentence,
@@ -413,6 +414,7 @@ def check_logs(
     """Raise InputError for no log, or for a deviation or drive that cannot be."""
     if not logs:
         raise InputError("no log is given", field="LOG", remedy="Give at least one log")
+    check_distinct(logs)
     if neutral_std is not None:
         check_std("neutral_std", neutral_std, "m3")
     check_std("speed_std", speed_std, "m/s")
