@@ -94,6 +94,7 @@ def test_a_vehicle_without_a_controller_is_refused(capsys, tmp_path):
     assert "has no controller" in " ".join(capsys.readouterr().err.split())
 
 
+@pytest.mark.prove
 def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys, tmp_path):
     command = [
         "stability",

@@ -43,6 +43,7 @@ def test_it_has_the_margins_asked_of_every_law(depth):
     assert violated_margins(found, WANTED) == ()
 
 
+@pytest.mark.prove
 def test_it_is_slower_than_any_bound_and_settles():
     run = flown()
     metrics = step_metrics(run.time, run.depth, start=0.3, target=1.0)

@@ -131,10 +131,10 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
 
 
 def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
-    def refused(*_, **settings):
-        raise NoAnswerError(f"no gains for {settings['goal']}")
+    def refused(_vehicle, _law, asked, _advance):
+        raise NoAnswerError(f"no gains for {asked.goal}")
 
-    monkeypatch.setattr("swimbladder.design.law_comparison.contenders.tune", refused)
+    monkeypatch.setattr("swimbladder.design.law_comparison.contenders.search_gains", refused)
     b = compared(FEUP, laws=["planned"])
     assert b.not_compared == {
         "planned, fast": "no gains for fast",

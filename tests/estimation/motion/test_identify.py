@@ -330,7 +330,7 @@ def turned(log, **changes):
     return dataclasses.replace(log, **changes)
 
 
-@pytest.mark.parametrize("what", ["volume", "depth"])
+@pytest.mark.parametrize("what", [pytest.param("volume", marks=pytest.mark.prove), "depth"])
 def test_a_log_the_wrong_way_round_is_said_to_be(what):
     logs = [
         turned(log, **{what: 4.5 - log.depth if what == "depth" else -log.volume})

@@ -11,7 +11,7 @@ from tests.estimation.motion.pool import campaign, pool_log, trace
 FEUP_EM = load_vehicle("feup-em")
 
 
-@pytest.mark.parametrize("fixed", [{}, {"psi": 0.0}], ids=["psi free", "psi left out"])
+@pytest.mark.parametrize("fixed", [{}, pytest.param({"psi": 0.0}, marks=pytest.mark.prove)])
 def test_a_model_that_holds_another_is_never_less_likely(fixed):
     logs = campaign(31, quantum=5e-3, steps=(2e-5, -3e-5, 4.5e-5, -7.5e-5))
     listed = identify(logs, FEUP_EM, fixed=fixed, profiles=False).choices
@@ -33,7 +33,7 @@ def of_jumps(seed: int, **drag: float) -> Log:
     return Log(source="log", time=time, depth=depth, volume=volume, **known)
 
 
-@pytest.mark.parametrize("seed", [1, 5])
+@pytest.mark.parametrize("seed", [1, pytest.param(5, marks=pytest.mark.prove)])
 def test_a_model_that_holds_another_is_never_less_likely_with_process_noise(seed):
     """The truth has no laminar drag: a blended one has to find hardly any."""
     log = of_jumps(seed, k_dt=20.0)

@@ -72,11 +72,16 @@ SUPPLY = {"capacity": 400e3, "cold_share": 0.85, "self_discharge": 0.02 / YEAR}
     ("given", "stop"),
     [
         ({}, Stop.RESERVE),
-        ({"self_discharge": 0.3 / YEAR}, Stop.RESERVE),
         ({"cold_share": 0.6}, Stop.RESERVE),
         ({"reserve": 0.0}, Stop.BATTERY_EMPTY),
-        ({"start_depth": 150.0}, Stop.RESERVE),
-        ({"start_temperature": 30.0}, Stop.RESERVE),
+        *(
+            pytest.param(given, Stop.RESERVE, marks=pytest.mark.prove)
+            for given in (
+                {"self_discharge": 0.3 / YEAR},
+                {"start_depth": 150.0},
+                {"start_temperature": 30.0},
+            )
+        ),
     ],
 )
 def test_two_cycles_say_how_many_the_battery_lasts(fleet, given, stop):

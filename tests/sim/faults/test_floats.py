@@ -243,6 +243,7 @@ def against_radau(rig, *fault_rows, sea=None, ticks=80, depth=400.0, target=340.
     return flown
 
 
+@pytest.mark.prove
 def test_a_mission_without_faults_is_that_of_the_twin_in_the_loop(rig):
     """The C law and supervisor, from the surface to 30 m: commands to the bit, depths to 1e-9 m."""
     made = make_program(rig.course.vehicle, depths=())

@@ -84,6 +84,7 @@ def flown_by(parameters=None, number=2, **more):
     return fly
 
 
+@pytest.mark.prove
 def test_the_rule_said_as_a_law_of_another_package_flies_the_same_mission(profiler, sea):
     task = phases(cycles=2)
     rule = fly_mission(profiler, task, sea, seed=4)

@@ -17,8 +17,8 @@ from swimbladder.control.registry import LAWS, bind, controller_of, own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import neutral_end, stall
 from swimbladder.design.linear.pump_valve import pump_stall
-from swimbladder.design.tuning import tune
 from swimbladder.design.tuning.gains import refused_depths
+from swimbladder.design.tuning.run import Asked, search_gains
 from swimbladder.design.tuning.trial import usual_step
 from swimbladder.errors import NoAnswerError, SwimbladderError
 from swimbladder.io.config import load_vehicle
@@ -272,17 +272,6 @@ def own(vehicle: Vehicle) -> list[Contender]:
     return found
 
 
-class Tuner(NamedTuple):
-    """What every law is tuned for, as `tune` has it."""
-
-    depth_range: tuple[float, float]  # m
-    step: tuple[float, float]  # m, of the trials
-    sample_time: float | None  # s
-    cast: Column | None  # the water of the trials
-    supervised: bool  # as flashed
-    runs: int = _TRIALS
-
-
 def tuner(
     vehicle: Vehicle,
     where: Places,
@@ -290,15 +279,22 @@ def tuner(
     sample_time: float | None,
     column: Column | None,
     supervised: bool,
-) -> Tuner:
+) -> Asked:
     """Return what the laws of a vehicle are tuned for over a range of depths."""
     first = place(scenarios_of(vehicle)[0], vehicle, where)
     depths = (where.least, where.most)
-    return Tuner(depths, (first.start, first.target), sample_time, column, supervised)
+    return Asked(
+        depth_range=depths,
+        step=(first.start, first.target),
+        sample_time=sample_time,
+        runs=_TRIALS,
+        cast=column,
+        supervised=supervised,
+    )
 
 
 def tuned(
-    vehicle: Vehicle, name: str, goal: str, how: Tuner, store: Store, advance: Advance
+    vehicle: Vehicle, name: str, goal: str, how: Asked, store: Store, advance: Advance
 ) -> Contender | str:
     """Return a law tuned for a goal, or why it cannot be; advance: called with the share done."""
     law, left = LAWS[name], 1.0
@@ -310,7 +306,7 @@ def tuned(
 
     def controller() -> dict[str, Any]:
         try:
-            found = tune(vehicle, law=name, goal=goal, **how._asdict(), advance=progress)
+            found = search_gains(vehicle, name, how._replace(goal=goal), progress).answer
             assert found.result_vehicle.controller is not None
             return found.result_vehicle.controller.model_dump()
         except SwimbladderError as error:

@@ -130,6 +130,29 @@ _ROWS = 201  # depths at which a cast's layers are looked at
 _ASKED = "(`depth_range=`, `step=`)"
 
 
+class Asked(NamedTuple):
+    """What gains are to be for, see `tune`."""
+
+    goal: str = "fast"
+    depth_range: tuple[float, float] = (0.0, 10.0)  # m
+    sample_time: float | None = None  # s
+    delay: float = 0.1  # of the sample time
+    supply: float | None = None  # V
+    step: tuple[float, float] | None = None  # m
+    hold: float | None = None  # m rms
+    runs: int = 200
+    cast: Column | None = None
+    supervised: bool = True
+
+
+class Tuned(NamedTuple):
+    """The gains of a law, how far they are off what they have to keep, and what limits them."""
+
+    answer: Tuning
+    off: float
+    limit: Callable[[], str]
+
+
 def tune(
     vehicle: Vehicle,
     *,
@@ -198,9 +221,22 @@ def tune(
     NoAnswerError
         No gains hold this vehicle, with what limits them, or the energy of its motor is not known.
     """
+    how = Asked(goal, depth_range, sample_time, delay, supply, step, hold, runs, cast, supervised)
+    found = search_gains(vehicle, law, how, lambda x: advance(_SEARCHED * x))
+    answer = found.answer
+    if answer.unmet:
+        with threadpool_limits(limits=1, user_api="blas"):
+            answer = replace(answer, limit=found.limit())
+    advance(1.0 - _SEARCHED)
+    return answer
+
+
+def search_gains(vehicle: Vehicle, law: str | None, asked: Asked, advance: Advance) -> Tuned:
+    """Return the gains that `tune` does, with a call that finds what limits them."""
+    goal, depths, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
     if goal not in gains.GOALS:
         raise no_such("no such goal", goal, gains.GOALS, field="goal")
-    depths, names = depth_range, laws_for(vehicle, goal) if law is None else [law]
+    names = laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)
     gains.check_depths(depths)
@@ -244,9 +280,9 @@ def tune(
         least_time=least_of(noisy, goal, ends, supply=weak, sample_time=h),
     )
 
-    def one(name: str) -> _Tuned | SwimbladderError:
+    def one(name: str) -> Tuned | SwimbladderError:
         try:
-            return request.tuned(name, lambda x: advance(_SEARCHED * x / len(names)))
+            return request.tuned(name, lambda x: advance(x / len(names)))
         except SwimbladderError as error:
             if law is not None:
                 raise
@@ -254,7 +290,7 @@ def tune(
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         outcomes = dict(each(one, names))
-    tuned = {name: x for name in names if isinstance(x := outcomes[name], _Tuned)}
+    tuned = {name: x for name in names if isinstance(x := outcomes[name], Tuned)}
     found = {name: x.answer for name, x in tuned.items()}
     unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
     if len(unfit) == len(names) == 1:
@@ -266,20 +302,7 @@ def tune(
     if len(found) == 1 < len(names):
         why = f"The law {taken} is the only one that has gains for this."
     reasons = {name: str(error) for name, error in unfit.items()}
-    answer = replace(found[taken], choice=why, unfit=reasons)
-    if answer.unmet:
-        with threadpool_limits(limits=1, user_api="blas"):
-            answer = replace(answer, limit=tuned[taken].limit())
-    advance(1.0 - _SEARCHED)
-    return answer
-
-
-class _Tuned(NamedTuple):
-    """The gains of a law, how far they are off what they have to keep, and what limits them."""
-
-    answer: Tuning
-    off: float
-    limit: Callable[[], str]
+    return tuned[taken]._replace(answer=replace(found[taken], choice=why, unfit=reasons))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -338,7 +361,7 @@ class _Request:
 
         return {words: partial(after, change) for words, change in changes.items()}
 
-    def tuned(self, name: str, advance: Advance) -> _Tuned:
+    def tuned(self, name: str, advance: Advance) -> Tuned:
         """Return the gains of the law of that name; raises as `tune` does."""
         vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
         h, supply, around, judged = self.sample_time, self.supply, self.around, self.judged
@@ -399,7 +422,7 @@ class _Request:
             unmet=unmet,
         )
         too_much = off(promise, found.region)
-        return _Tuned(answer, too_much, lambda: limit(self.others(name)))
+        return Tuned(answer, too_much, lambda: limit(self.others(name)))
 
     @property
     def pumped(self) -> bool:
