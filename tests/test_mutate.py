@@ -180,6 +180,7 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
     assert (tree / "src" / "tiny.py").read_text() == SOURCE
 
 
+@pytest.mark.prove
 def test_what_is_listed_as_equivalent_is_a_mutant():
     known = tomllib.loads((mutate.ROOT / "scripts" / "mutants.toml").read_text())["equivalent"]
     paths = {entry["path"] for entry in known}
@@ -217,6 +218,7 @@ def test_what_noticed_a_mutant_is_asked_first_when_tests_are_added(tree, monkeyp
     assert len(record.read_text().splitlines()) == 2
 
 
+@pytest.mark.prove
 def test_a_test_that_is_gone_notices_nothing(tree):
     (mutant,) = (m for m in mutate.mutants_of("src/tiny.py", SOURCE) if "max(x" in m.after)
     run = mutate.Run(tree, {"src/tiny.py": ["tests/test_tiny.py"]}, 60.0, [])

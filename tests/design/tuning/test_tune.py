@@ -169,7 +169,14 @@ def test_a_slow_motor_that_is_sampled_often_gets_a_slow_law():
     assert found.tuning.frequency * found.least > 2.0  # it is no slower than the step
 
 
-@pytest.mark.parametrize("name", ["observer", "planned", "sea-cascade", "adrc"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "observer",
+        "adrc",
+        *(pytest.param(n, marks=pytest.mark.prove) for n in ("planned", "sea-cascade")),
+    ],
+)
 def test_a_motor_with_dry_friction_is_as_fast_as_one_without(name):
     """1 V of 12: unbalanced, planned never settles and adrc overshoots by a fifth."""
     rough = NOISY.model_copy(

@@ -74,7 +74,7 @@ def test_the_search_does_not_need_good_first_values(vehicle, dive):
         assert b.parameters[name].value == pytest.approx(e.value, abs=0.15 * e.std)
 
 
-@pytest.mark.parametrize("seed", [0, 9])
+@pytest.mark.parametrize("seed", [0, pytest.param(9, marks=pytest.mark.prove)])
 def test_a_model_that_holds_another_fits_a_closed_loop_log_no_worse(vehicle, dive, seed):
     """Each is searched along an unstable vehicle, where only a start next to the best leads to it.
 
@@ -105,7 +105,7 @@ def noise_free(vehicle, setpoints, duration):
     return Log(source="dive", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
 
 
-@pytest.mark.parametrize("mode", ["never", "auto"])
+@pytest.mark.parametrize("mode", [pytest.param("never", marks=pytest.mark.prove), "auto"])
 @pytest.mark.parametrize("absolute", [False, pytest.param(True, marks=pytest.mark.prove)])
 def test_a_closed_loop_log_without_noise_leads_to_the_truth(vehicle, mode, absolute):
     """A search over the whole record ended 20 deviations away, where the profile has no end."""

@@ -156,6 +156,7 @@ def test_bounds_and_words() -> None:
     assert {20.0, 3.0} <= numbers(said)  # mm/s
 
 
+@pytest.mark.prove
 def test_a_wrong_cast_passes_for_another_hull_unless_the_hull_is_known() -> None:
     """3 K and 0.5 in salinity more around 600 dbar: one dive is told all the same, and it is said.
 

@@ -66,7 +66,7 @@ def test_many_looks_at_few_dives_tell_no_more_than_the_dives() -> None:
 
 
 @pytest.mark.parametrize("tau", [0.0, 0.4])
-@pytest.mark.parametrize("count", [3, 6])
+@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.prove)])
 def test_intervals_hold_what_was_drawn(tau: float, count: int) -> None:
     """Vehicles drawn from the priors, dives that differ by tau, or do not."""
     rng, size = np.random.default_rng(3), 3

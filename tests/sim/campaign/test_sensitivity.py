@@ -242,6 +242,7 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert "--identified: nothing was identified" in capsys.readouterr().err
 
 
+@pytest.mark.prove
 def test_the_command_says_no_where_a_float_of_the_design_failed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m.toml").write_text(

@@ -108,7 +108,7 @@ def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: i
     same(compiled, by_hand(vehicle, parameters, **run))
 
 
-@examples(25)
+@examples(12)
 @given(
     lanes=st.lists(
         st.tuples(
