@@ -391,6 +391,21 @@ def test_what_does_not_move_or_has_no_voltage_is_refused():
         identify_actuator([])
 
 
+@pytest.mark.parametrize("name", ["piston", "voltage"])
+def test_units_that_no_actuator_has_are_refused(name):
+    """A piston of 15 m, or 12 kV, had exit code 0 where no vehicle was given."""
+    log = bench(noise=2e-4 if name == "piston" else 2e-5)
+    wrong = replace(log, **{name: 1e3 * getattr(log, name)})
+    if name == "piston":
+        found = identify_actuator([wrong])
+        assert not found.identified
+        assert any(f.kind == "impossible" and "K1" in f.sentence for f in found.findings)
+        return
+    for vehicle in (None, load_vehicle("feup-em")):
+        with refused(LogError, field="voltage_V"):
+            identify_actuator([wrong], vehicle)
+
+
 def test_a_logged_volume_is_identified_as_one():
     log = bench()
     found = identify_actuator([replace(log, piston=None, volume=75e-4 * log.piston)])

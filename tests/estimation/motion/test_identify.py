@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from studies.benches import Motor, random_moves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator import identify_actuator
-from swimbladder.estimation.motion import Prior, identify
+from swimbladder.estimation.motion import Prior, identify, run
 from swimbladder.estimation.motion.diagnose import directions, single_gains
 from swimbladder.estimation.motion.fit import fit
 from swimbladder.estimation.motion.run import profile
@@ -254,6 +254,21 @@ def test_what_does_not_go_together_is_refused(options, message):
 def test_no_log_is_refused():
     with refused(InputError, field="LOG"):
         identify([], FEUP_EM)
+
+
+def test_where_no_filter_follows_what_was_read_wrong_is_said(monkeypatch):
+    """A piston counted the other way round was "check units"."""
+
+    def none(*_):
+        raise NoAnswerError("no filter follows")
+
+    monkeypatch.setattr(run, "_answer", none)
+    logs = campaign(3)
+    with pytest.raises(NoAnswerError, match="no filter follows"):
+        identify(logs, FEUP_EM)
+    turned = [dataclasses.replace(log, volume=-log.volume) for log in logs]
+    with pytest.raises(NoAnswerError, match="counts the wrong way round"):
+        identify(turned, FEUP_EM)
 
 
 def test_a_log_that_is_given_twice_is_refused():

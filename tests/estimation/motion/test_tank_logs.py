@@ -69,6 +69,6 @@ def test_a_log_that_is_spoilt_is_no_vehicle(missions, tmp_path, spoil, request):
     found = answer(spoil(missions[missions["log"] == 47]), tmp_path / "spoilt.csv")
     if "feet" in request.node.name:
         assert any("a depth in feet was read as metres" in f.sentence for f in found.findings)
-    assert (found.findings[0].kind == "still") == ("constant" in request.node.name)
+    assert any(f.kind == "still" for f in found.findings) == ("constant" in request.node.name)
     assert not found.identified
     assert found.result_vehicle == VEHICLE

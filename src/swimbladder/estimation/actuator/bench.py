@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from swimbladder.errors import InputError, LogError
+from swimbladder.errors import InputError, LogError, column_as
 from swimbladder.estimation.comparison.misread import refuse_wrong_stroke
 from swimbladder.estimation.series import Autoregression, Index, scale, stretches, white_noise
 from swimbladder.estimation.series import autoregression as of_blocks
@@ -67,6 +67,7 @@ Driven = Literal["voltage", "reference", "nothing"]
 _FEWEST = 10
 _GAP = 5.0  # median steps of time that are a gap
 _SHALLOW = 0.5  # m, a depth at which the load of the sea may be forgotten
+_HIGHEST, _TIMES = 400.0, 3.0  # V, of a supply that floats; and what is no reading of it
 _CLOCK = 0.01  # of the time between samples: better no logger stamps what it reads
 
 
@@ -204,8 +205,15 @@ def _for_the_motor(
         what = f"the vehicle {vehicle.name} is driven by positions, and the log has a voltage"
         remedy = "Give the vehicle of this log, or leave the voltage's column out"
         raise InputError(what, field="actuator.kind", value=vehicle.actuator.kind, remedy=remedy)
-    if vehicle is not None and vehicle.supply is not None:
-        limit = vehicle.supply.voltage
+    supply = None if vehicle is None else vehicle.supply
+    limit = _HIGHEST if supply is None else supply.voltage
+    usual = float(np.quantile(np.abs(voltage), 0.95))
+    if usual > _TIMES * limit:
+        whose = "any float's" if supply is None else "the vehicle's"
+        what = f"the voltages go to {usual:.4g} V, {whose} supply to {limit:g} V"
+        remedy = f"State their unit: {column_as('voltage_V', 'NAME@mV')}"
+        raise LogError(what, file=log.source, field="voltage_V", remedy=remedy)
+    if supply is not None:
         beyond = np.abs(voltage) > limit * (1.0 + 1e-9)
         if beyond.any():
             taken = f"beyond the supply's {limit:g} V are taken as cut to it"

@@ -224,7 +224,8 @@ def identify_actuator(
     )
 
 
-_POSSIBLE = {"T1": (1e-4, 10.0), "rate": (1e-7, 1.0)}  # s, and m/s: from a stepper to a gearmotor
+_POSSIBLE = {"T1": (1e-4, 10.0), "rate": (1e-7, 1.0), "K1": (1e-8, 0.1)}
+"""From a stepper to a gearmotor [s, m/s, m/s/V]."""
 
 
 def _impossible(parameters: Mapping[str, Estimate], unit: str) -> Iterator[Finding]:

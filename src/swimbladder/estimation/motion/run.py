@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -612,21 +612,29 @@ def identify(
         def warmer(known: Assumed) -> list[Problem]:
             return [posed(one, vehicle, known, free=free, drag=drag) for one in aside]
 
-        found = _answer(problem, vehicle, asked, advance, warmer(assumed))
-        if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
-            nothing = assumed._replace(neutral_std=math.inf)
-            problem = posed(records, vehicle, nothing, free=free, drag=drag)
-            looser = _answer(problem, vehicle, asked, silent, warmer(nothing))
-            found = looser if _contradicts_prior(found, looser) else found
+        try:
+            found = _answer(problem, vehicle, asked, advance, warmer(assumed))
+            if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
+                nothing = assumed._replace(neutral_std=math.inf)
+                problem = posed(records, vehicle, nothing, free=free, drag=drag)
+                looser = _answer(problem, vehicle, asked, silent, warmer(nothing))
+                found = looser if _contradicts_prior(found, looser) else found
+        except NoAnswerError as error:  # for the reason that is known
+            named = next(_misread(records, vehicle), None)
+            raise (error if named is None else NoAnswerError(named.sentence)) from None
     found = replace(found, findings=(*found.findings, *expands))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
         return found
+    return replace(found, findings=(*found.findings, *_misread(records, vehicle)))
+
+
+def _misread(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield why logs may be as no vehicle's: volumes that never change, or a column read wrong."""
     by = [(r, r.volume) for r in records if r.drive == "volume" and r.volume is not None]
-    wrong = [misread(r.time, r.depth, volume, r.compared, vehicle) for r, volume in by]
-    named = tuple(dict.fromkeys(finding for finding in wrong if finding is not None))
-    still = len(by) == len(records) and all(is_still(volume, vehicle) for _, volume in by)
-    first = (Finding.of("compare", "still"),) if still else ()
-    return replace(found, findings=(*first, *found.findings, *named[:1]))
+    if len(by) == len(records) and all(is_still(volume, vehicle) for _, volume in by):
+        yield Finding.of("compare", "still")
+    wrong = (misread(r.time, r.depth, volume, r.compared, vehicle) for r, volume in by)
+    yield from islice((finding for finding in wrong if finding is not None), 1)
 
 
 def _heat(problem: Problem, vehicle: Vehicle) -> Heat | None:
