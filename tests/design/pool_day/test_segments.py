@@ -144,6 +144,12 @@ def test_a_release_from_no_rest_is_refused_with_the_speed():
     assert Why.NOT_AT_REST in [e.why for e in found if isinstance(e, Refused)]
 
 
+def test_depths_in_millimeters_are_no_float_that_is_not_at_rest():
+    t, z, v, _ = day(np.random.default_rng(1), speed=0.02)
+    found = events_of(t, 1e3 * z, v)
+    assert {e.why for e in found if isinstance(e, Refused)} == {Why.NO_FLOAT}
+
+
 def test_a_rest_of_less_than_a_minute_is_none():
     t, z, v, rest = day(np.random.default_rng(1), early=50.0)
     found = events_of(t, z, v)

@@ -190,6 +190,9 @@ class End(Enum):
     LOG = "the log ended"
 
 
+_FASTEST = 3.0  # m/s, at which no float moves
+
+
 class Why(Enum):
     """Why a stretch of the log is no experiment, and what to do."""
 
@@ -197,6 +200,7 @@ class Why(Enum):
         "the vehicle was not at rest before it moved at {mm:.0f} mm/s with the piston at a "
         "standstill. Hold it still for {minute:g} s first"
     )
+    NO_FLOAT = "no float moves at {size:.3g} m/s. Check the units of depth and time"
     NOT_SETTLED = (
         "the volume was changed by up to {cm3:+.3g} cm3 and did not stand still. Open the loop "
         "before the release, and leave the piston alone"
@@ -627,7 +631,9 @@ class Segmenter:
         if abs(gone) < r.least_travel or np.ptp(recent[:, VOLUME]) > 0.25 * r.change:
             return []
         self._last_volume = float(level)
-        return [Refused(self._time, Why.NOT_AT_REST, float(gone / np.ptp(recent[:, TIME])))]
+        speed = float(gone / np.ptp(recent[:, TIME]))
+        why = Why.NOT_AT_REST if abs(speed) < _FASTEST else Why.NO_FLOAT
+        return [Refused(self._time, why, speed)]
 
 
 def _still(rest: Rest, rules: Rules) -> bool:

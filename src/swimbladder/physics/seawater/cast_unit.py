@@ -51,14 +51,12 @@ def above_rating(name: str, end: float, rating: float | None, asked: str) -> lis
     if rating is None:
         return []
     if end < _FAR_ABOVE * rating:
-        raise InputError(
-            f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m",
-            file=name,
-            field=Parameter("cast"),
-            remedy="Is its pressure in bar, not dbar? Then map it with "
-            f"{column_as('pressure_dbar', 'NAME@bar')}. If not, say how deep it is to go: "
-            f"`{asked}='{end:.0f} m'`",
-        )
+        what = f"it ends at {end:.0f} m, and the vehicle is rated for {rating:g} m"
+        bar = column_as("pressure_dbar", "NAME@bar")
+        remedy = "Do its rows below lack a temperature or salinity, or is its pressure in bar, not "
+        remedy += f"dbar? Then map it with {bar}. If not, say how deep it is to go: "
+        remedy += f"`{asked}='{end:.0f} m'`"
+        raise InputError(what, file=name, field=Parameter("cast"), remedy=remedy)
     # the grid of a cast that was taken down to the rating ends within a metre of it
     if end >= rating - 1.0:
         return []
