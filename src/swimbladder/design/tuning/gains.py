@@ -208,7 +208,7 @@ def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
 _HELPS = 0.9  # of what it is off, that is left where a cause is taken away
 
 
-def off(promise: Promise, found: Trial) -> float:
+def violation(promise: Promise, found: Trial) -> float:
     """Return how many times too much a trial is off what it has to keep; 0: it keeps all."""
     return max((times for _, times in broken(promise, found)), default=0.0)
 
@@ -221,7 +221,7 @@ def noise_limits(
     if quiet == vehicle:
         return False
     without = trial_of(quiet, law, step, drawn, ballast=promise.ballast)
-    return off(promise, without) <= _HELPS * off(promise, found)
+    return violation(promise, without) <= _HELPS * violation(promise, found)
 
 
 def _silent(vehicle: Vehicle) -> Vehicle:
@@ -245,9 +245,9 @@ def limiting(
     """
 
     def left(vehicle: Vehicle, drawn: Drawn, law: BoundLaw = laws[0]) -> float:
-        return off(promise, trial_of(vehicle, law, step, drawn, ballast=promise.ballast))
+        return violation(promise, trial_of(vehicle, law, step, drawn, ballast=promise.ballast))
 
-    whole, sensors = off(promise, found), vehicle.sensors
+    whole, sensors = violation(promise, found), vehicle.sensors
     outcomes = []
     causes = [*(_CAUSES if drawn.region is not None else ())]
     if vehicle.voltage_driven and any(friction_of(plant(vehicle))):

@@ -18,7 +18,7 @@ from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning import gains, trial
-from swimbladder.design.tuning.gains import broken, least_of, limiting, off, promise_of
+from swimbladder.design.tuning.gains import broken, least_of, limiting, promise_of, violation
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.trial import Trial
@@ -421,7 +421,7 @@ class _Request:
             waves=waves,
             unmet=unmet,
         )
-        too_much = off(promise, found.region)
+        too_much = violation(promise, found.region)
         return Tuned(answer, too_much, lambda: limit(self.others(name)))
 
     @property
