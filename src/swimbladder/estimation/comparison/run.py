@@ -660,11 +660,13 @@ def compare(
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
     elif not explained >= _HALF:
-        beyond = rms(off) > MODEL_ERROR * min(_noise(rec), _NOISIEST)
+        noise = _noise(rec)
+        beyond = rms(off) > MODEL_ERROR * min(noise, _NOISIEST)
         if by is not None and beyond and is_still(by, vehicle):
             findings = [Finding.of("compare", "still")]
         else:
-            lost = bool(names) and not explained >= _LOST and beyond
+            least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
+            lost = bool(names) and not explained >= least and beyond
             findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
