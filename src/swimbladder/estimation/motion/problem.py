@@ -360,6 +360,7 @@ class Problem:
         self.logarithmic = [model.logarithmic(name) for name in self.names]
         self.scale = [1.0 if model.logarithmic(n) else model.scale(n) for n in self.names]
         self.rows = np.cumsum([0, *(int(e.used.sum()) for e in self.experiments)]).tolist()
+        self.alike: tuple[bytes | None, list[tuple[Plant, float]]] = None, []  # see `_plants`
         self.courses = [[_course(e, s) for s in e.segments] for e in self.experiments]
         self.measured = np.concatenate([e.record.depth[e.used] for e in self.experiments])
 
@@ -506,17 +507,28 @@ class Problem:
         if e.ramps and (late != 0.0 or len(lanes) > 1) and np.isfinite(z).all():
             z, moving = shifted(course.time, z, late)  # by the clock of the volumes
         slope = np.append((z[1:] - z[0]) / _STEP, moving[None] * DELAY, axis=0)
-        return z[0], np.clip(np.nan_to_num(slope.T), -1e6, 1e6)
+        return z[0], np.where(np.isnan(slope), 0.0, np.clip(slope, -1e6, 1e6)).T
 
     def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:
-        """Return the plant at x, and with each of the entries `moved` a little larger."""
-        steps = _STEP * np.eye(len(x))
-        return [self._plant(x, e, own), *(self._plant(x + steps[i], e, own) for i in moved)]
+        """Return the plant at x, and with each of the entries `moved` a little larger.
 
-    def _plant(self, x: Array, e: Experiment, own: int) -> Plant:
-        values = self.named(x)
-        neutral = e.neutral + x[own] * VOLUME - values["psi"] * e.reference - e.added
-        return self.model.plant(values, neutral)
+        But for the neutral volume, entry `own`, the experiments have theirs in common.
+        """
+        key, known = x[: self.shared].tobytes(), self.alike
+        if key != known[0]:
+            steps = _STEP * np.eye(self.shared + 1)[:, 1:]  # none, then of each entry
+            each = [self.named(x[: self.shared] + step) for step in steps]
+            known = key, [(self.model.plant(values, 0.0), values["psi"]) for values in each]
+            self.alike = known
+
+        def placed(alike: tuple[Plant, float], entry: float) -> Plant:
+            p, psi = alike
+            return p._replace(V_0=e.neutral + entry * VOLUME - psi * e.reference - e.added)
+
+        if not moved:
+            return [placed(known[1][0], x[own])]
+        plants = [placed(alike, x[own]) for alike in known[1]]
+        return [*plants, placed(known[1][0], x[own] + _STEP)]
 
 
 def _course(e: Experiment, s: Segment) -> Course:
