@@ -276,6 +276,19 @@ def test_columns_that_contradict_each_other_are_no_pump(spoil):
     assert {"idle": "idle power", "volume": "volumes"}.get(spoil, "power rises") in said
 
 
+def test_pressures_too_alike_to_separate_the_idle_power_are_said_to_be():
+    random = np.random.default_rng(15)
+    pressure, duration = random.uniform(7e6, 8e6, 40), random.uniform(20.0, 120.0, 40)
+    given = {"duration": duration, "volume": 1e-6 * duration}
+    power = 2.0 + 3e-6 * pressure + random.normal(0.0, 0.5, 40)
+    said = fit_pump(PumpRuns(pressure=pressure, power=power, **given)).refusal
+    assert "idle power" in said
+    assert "MPa do not separate it from what grows with the pressure. Log runs at other" in said
+    deeper = random.uniform(1e6, 8e6, 40)
+    spread = 2.0 + 3e-6 * deeper + random.normal(0.0, 0.5, 40)
+    assert not fit_pump(PumpRuns(pressure=deeper, power=spread, **given)).refusal
+
+
 def test_runs_that_are_there_twice_count_once():
     """Copies under other dives made an interval narrower, and eight of one dive one of nothing."""
     told = commanded(np.random.default_rng(14))

@@ -229,6 +229,7 @@ _POSITIVE = {
     "idle_power": (1.0, "W", "no pump runs on that"),
 }
 """What is above 0 for sure of any pump: factor and unit it is shown in, and what it means else."""
+_INSEPARABLE = "runs at {:.3g} to {:.3g} MPa do not separate it from what grows with the pressure"
 _SEAS_SHARE = 0.5  # of what the sea takes: a power that rises by less is not this pump's
 _LESS = "that is less than half of the work on the sea, so powers do not go with the pressures"
 _VAGUE = 2.0  # of the power at the greatest pressure: how wide the interval may be there
@@ -308,7 +309,11 @@ class PumpFit(Answer):
             if (e := self.parameters.get(name)) is not None and not e.ci95[0] > 0.0:
                 low, value, high = (f"{factor * x:.3g}" for x in (e.ci95[0], e.value, e.ci95[1]))
                 what = f"the {name.replace('_', ' ')} comes out as {value} {unit}"
-                return f"{what}, and {low} to {high} within 95 %: {why}. {_CAUSES}"
+                what += f", and {low} to {high} within 95 %"
+                if name == "idle_power" and e.ci95[1] > 0.0:
+                    ends = (1e-6 * f(self.runs.pressure[self.kept]) for f in (np.min, np.max))
+                    return f"{what}: {_INSEPARABLE.format(*ends)}. Log runs at other depths too"
+                return f"{what}: {why}. {_CAUSES}"
         energies = {d.dive: (d.predicted, d.energy) for d in self.dives}
         volumes = {d.dive: (d.predicted_volume, d.volume) for d in self.dives}
         if off := _off("energy", energies, _OFF) or _off("volume", volumes, _VOLUMES_OFF):
