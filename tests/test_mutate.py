@@ -180,7 +180,6 @@ def test_tests_that_fail_without_a_change_and_stale_entries_are_refused(tree):
     assert (tree / "src" / "tiny.py").read_text() == SOURCE
 
 
-@pytest.mark.prove
 def test_what_is_listed_as_equivalent_is_a_mutant():
     known = tomllib.loads((mutate.ROOT / "scripts" / "mutants.toml").read_text())["equivalent"]
     paths = {entry["path"] for entry in known}
