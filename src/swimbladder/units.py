@@ -272,22 +272,10 @@ def with_one_unit(texts: Sequence[str]) -> list[str]:
     return [f"{part} {unit}" if unit and _NUMBER.fullmatch(part) else part for part in parts]
 
 
-PER_SI = {
-    "%": 100.0,
-    "cm": 1e2,
-    "cm/s": 1e2,
-    "cm3": 1e6,
-    "cm3/m": 1e6,
-    "cm3/s": 1e6,
-    "cm3/h": 3.6e9,
-    "mL": 1e6,
-    "L": 1e3,
-    "L/h": 3.6e6,
-    "mm": 1e3,
-    "mm/s": 1e3,
-    "min": 1.0 / 60.0,
-}
-"""What a number in SI is multiplied by where a sentence has it in another unit."""
+@cache
+def per_si(unit: str) -> float:
+    """Return what a number in SI is multiplied by where it is written in this unit."""
+    return float(1 / _parse_unit(unit).factor)
 
 
 class _Shown(Formatter):
@@ -295,7 +283,7 @@ class _Shown(Formatter):
 
     def format_field(self, value: Any, format_spec: str) -> str:
         spec, _, unit = format_spec.partition(" ")
-        return f"{value * PER_SI[unit]:{spec}} {unit}" if unit else format(value, spec)
+        return f"{value * per_si(unit):{spec}} {unit}" if unit else format(value, spec)
 
 
 @cache
