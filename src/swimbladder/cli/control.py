@@ -183,9 +183,9 @@ def _list(
             shown[one.name] |= {"start_m": p.start, "target_m": p.target}
             shown[one.name]["duration_s"] = p.duration
     rows = []
-    for name, told in shown.items():
-        numbers = [f"{x:.5g}" for key, x in told.items() if key != "words"]
-        rows.append((name, *numbers, told["words"]))
+    for name, fields in shown.items():
+        numbers = [f"{x:.5g}" for key, x in fields.items() if key != "words"]
+        rows.append((name, *numbers, fields["words"]))
     numbers = ["from [m]", "to [m]", "for [s]"] if vehicle else []
     listed = Table(("scenario", *numbers, "what"), rows, left=("scenario", "what"))
     to.show({"scenarios": shown}, [listed])

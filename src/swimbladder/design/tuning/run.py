@@ -145,6 +145,9 @@ class Asked(NamedTuple):
     supervised: bool = True
 
 
+_USUAL = Asked()
+
+
 class Tuned(NamedTuple):
     """The gains of a law, how far they are off what they have to keep, and what limits them."""
 
@@ -157,16 +160,16 @@ def tune(
     vehicle: Vehicle,
     *,
     law: str | None = None,
-    goal: str = "fast",
-    depth_range: tuple[float, float] = (0.0, 10.0),
-    sample_time: float | None = None,
-    delay: float = 0.1,
-    supply: float | None = None,
-    step: tuple[float, float] | None = None,
-    hold: float | None = None,
-    runs: int = 200,
-    cast: Column | None = None,
-    supervised: bool = True,
+    goal: str = _USUAL.goal,
+    depth_range: tuple[float, float] = _USUAL.depth_range,
+    sample_time: float | None = _USUAL.sample_time,
+    delay: float = _USUAL.delay,
+    supply: float | None = _USUAL.supply,
+    step: tuple[float, float] | None = _USUAL.step,
+    hold: float | None = _USUAL.hold,
+    runs: int = _USUAL.runs,
+    cast: Column | None = _USUAL.cast,
+    supervised: bool = _USUAL.supervised,
     advance: Advance = silent,
 ) -> Tuning:
     """Find the gains of a law for this vehicle and goal, with what they guarantee.

@@ -118,8 +118,8 @@ def misread(
         x, y, v = ahead * t[::ahead], of_depth * z[::ahead], of_volume * V[::ahead]
         return _fits(x, y, v, vehicle)
 
-    best = min(_READINGS, key=lambda one: read(one).off)
-    known = read(best)
+    fits = ((one, read(one)) for one in _READINGS)
+    best, known = min(fits, key=lambda pair: pair[1].off)
     if known.near(*_CLOSE) and known.explained > _SURE and known.off < _BETTER * found.off:
         turned = [sentence("compare", "misread", "sign")] if best.of_volume < 0.0 else []
         why = ", and ".join([*turned, best.text] if best.text else turned)
