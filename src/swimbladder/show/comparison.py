@@ -13,6 +13,7 @@ from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
 from swimbladder.estimation.comparison.run import FITTABLE
 from swimbladder.io.columns import TAKEN
+from swimbladder.show.estimates import with_std
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, stacked
 from swimbladder.units import format_quantity, shown_unit
@@ -223,11 +224,14 @@ def _fitted(r: Comparison) -> Iterator[str]:
     for name, fitted in r.fitted.items():
         unit, least = shown_unit(fitted.unit), _ROUNDING * FITTABLE[name].scale
         value = fitted.value if abs(fitted.value) >= least else 0.0
-        spread = ", which this log does not determine"
-        if fitted.std is not None:
-            std = fitted.std if abs(fitted.std) >= least else 0.0
-            spread = f" +- {format_quantity(std, fitted.unit, unit, digits=2)}"
-        yield f"fitted to this log: {name} = {format_quantity(value, fitted.unit, unit)}{spread}"
+        known = format_quantity(value, fitted.unit, unit)
+        if fitted.std is None:
+            known += ", which this log does not determine"
+        elif abs(fitted.std) < least:
+            known += f" +- {format_quantity(0.0, fitted.unit, unit)}"
+        else:
+            known = with_std(value, fitted.std, fitted.unit)
+        yield f"fitted to this log: {name} = {known}"
     piston = r.to_dict()["piston_rms_m"]
     if piston is not None:
         yield f"piston: rms {1e3 * piston:.2f} mm"

@@ -34,6 +34,16 @@ def row(name: str, e: Estimate) -> Row:
     return Row(name, _fixed(value, places), _fixed(std, places), ends, unit, e.origin)
 
 
+def with_std(value: float, std: float, unit: str) -> str:
+    """Return a number [unit] and its standard deviation, not 0, as text with the digits that say
+    something.
+    """
+    shown = shown_unit(unit)
+    per = unit_factor(unit, shown)
+    places = _places(per * std)
+    return " +- ".join(f"{_fixed(per * x, places)} {shown}".rstrip() for x in (value, std))
+
+
 def rows(found: Identification) -> list[Row]:
     """Return the parameters, then what follows from them; no number of what is not identifiable."""
     listed = [row(name, e) for name, e in (found.parameters | found.derived).items()]
