@@ -4,6 +4,8 @@
 
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet
+# Ten times as fast, from the same files by their hashes; it does not know of pip's own index.
+UV := $(BIN)/uv pip install --quiet --python $(BIN)/python --only-binary=:all: --require-hashes
 INSTALLED := .venv/installed
 PYTHONS ?= python3.13 python3.12 python3.11 python3.14 python3
 
@@ -102,7 +104,9 @@ clean: ## Remove .venv and everything that was generated
 .venv/locked: requirements.lock
 	@test -x $(BIN)/python || { python=$$($(MAKE) --silent python) && $$python -m venv .venv; }
 	@echo "Installing requirements.lock into .venv"
-	@$(PIP) --no-compile --only-binary=:all: -r requirements.lock
+	@sed -n '/^uv==/,/[^\\]$$/p' requirements.lock > .venv/uv.txt && $(PIP) --only-binary=:all: -r .venv/uv.txt
+	@{ ! $(BIN)/python -m pip config list | grep -q '\.index-url=' && $(UV) -r requirements.lock; } \
+	  || $(PIP) --no-compile --only-binary=:all: -r requirements.lock
 	@$(BIN)/python -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 	@touch $@
 
