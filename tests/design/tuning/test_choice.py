@@ -23,7 +23,7 @@ from swimbladder.design.tuning.gains import (
     trial_of,
 )
 from swimbladder.design.tuning.region import region
-from swimbladder.design.tuning.run import choose, laws_for
+from swimbladder.design.tuning.run import Asked, Tuned, choose, laws_for, search_gains
 from swimbladder.design.tuning.trial import (
     Drawn,
     Step,
@@ -209,7 +209,7 @@ def test_what_limits_margins_is_what_they_are_there_without():
     assert "of the motion" in limiting_margins(wide, sole("a_b"))
     assert "of the motor" in limiting_margins(wide, sole("gain"))
     assert "of all parameters together" in limiting_margins(wide, sole("a_b", "gain"))
-    assert "another law would help" in limiting_margins(wide, lambda _: False)
+    assert limiting_margins(wide, lambda _: False) == ""
 
 
 def test_floats_that_differ_more_than_is_represented_are_a_no():
@@ -218,6 +218,31 @@ def test_floats_that_differ_more_than_is_represented_are_a_no():
     with pytest.raises(NoAnswerError, match=said):
         tune(vehicle, depth_range=(0.0, 1000.0))
     region(known_to("example-float", drag_quadratic=0.29))
+
+
+@pytest.mark.parametrize(
+    ("mends", "off", "said"),
+    [
+        (lambda asked: asked.sample_time < 0.1, 0.0, "With a sample time of 0.075 s the law adrc"),
+        (lambda asked: asked.supply > 20.0, 1.2, "With a motor 2 times as fast the law adrc has"),
+        (lambda _: False, 0.0, "Neither a sample time of 0.075 s nor a motor 2 times as fast"),
+    ],
+)
+def test_a_law_without_gains_is_a_no_with_what_would_give_it_some(mends, off, said, monkeypatch):
+    """A refusal ended with "a faster motor or another law would help", which nobody had tried."""
+
+    def tuned(self, name, _):
+        if mends(self):
+            return Tuned(None, off, lambda: "")
+        raise NoAnswerError(f"no gains of the law {name!r}.")
+
+    monkeypatch.setattr("swimbladder.design.tuning.run._Request.tuned", tuned)
+    with pytest.raises(NoAnswerError) as no:
+        tune(FEUP, law="adrc", depth_range=(0.0, 5.0), step=(1.5, 3.0))
+    assert str(no.value).startswith(f"no gains of the law 'adrc'. {said}")
+    assert ("unproven" in str(no.value)) == (off > 0.0)
+    with pytest.raises(NoAnswerError, match=r"no gains of the law 'adrc'\.$"):
+        search_gains(FEUP, "adrc", Asked(depth_range=(0.0, 5.0)), lambda _: None)
 
 
 @pytest.mark.prove

@@ -187,14 +187,13 @@ _TOGETHER = (
     "What limits it is the uncertainty of all parameters together, of none alone: a pool day as "
     "`design-experiment` plans it, and `identify` on its logs, narrow it."
 )
-_NOT_NARROWED = "A shorter sample time, a faster motor or another law would help."
 
 
 def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
     """Return what keeps a law from its margins over a region, and what would help, as a sentence.
 
     held: whether the law has gains with the margins over a region. Every cause is taken away in
-    turn; what is known of the nominal vehicle only is none.
+    turn; where the nominal vehicle alone has none, nothing that is not known limits it: empty.
     """
     for cause in _CAUSES:
         without = region.knowing(cause.known)
@@ -202,7 +201,7 @@ def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
             return f"What limits it is {cause.words}: {cause.remedy}."
     if held(region._replace(plants=region.plants[:1])):
         return _TOGETHER
-    return _NOT_NARROWED
+    return ""
 
 
 _HELPS = 0.9  # of what it is off, that is left where a cause is taken away
@@ -672,7 +671,8 @@ class Search:
             nearest = "none makes a loop that is stable over it"
         raise NoAnswerError(
             f"no gains of the law {name!r} have the margins over the region at a sample time of "
-            f"{self.setting.sample_time:g} s: {nearest}. {limiting_margins(self.region, self.held)}"
+            f"{self.setting.sample_time:g} s: {nearest}. "
+            f"{limiting_margins(self.region, self.held)}".rstrip()
         )
 
     def _elsewhere(self, tuning: Any, over: Trial) -> bool:

@@ -115,6 +115,7 @@ def _figures(t: Tuning, goal: str) -> str:
 _SEARCHED = 0.9  # of the work, before what limits gains is looked for
 _SHORTER, _FASTER = 4.0, 2.0  # times as short a sample, as fast a motor, that may be needed
 _FEW = 40  # runs while that is found out
+_LEAST_RUNS = 20  # of a trial
 _LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
@@ -225,7 +226,7 @@ def tune(
         No gains hold this vehicle, with what limits them, or the energy of its motor is not known.
     """
     how = Asked(goal, depth_range, sample_time, delay, supply, step, hold, runs, cast, supervised)
-    found = search_gains(vehicle, law, how, lambda x: advance(_SEARCHED * x))
+    found = search_gains(vehicle, law, how, lambda x: advance(_SEARCHED * x), explained=True)
     answer = found.answer
     if answer.unmet:
         with threadpool_limits(limits=1, user_api="blas"):
@@ -234,8 +235,13 @@ def tune(
     return answer
 
 
-def search_gains(vehicle: Vehicle, law: str | None, asked: Asked, advance: Advance) -> Tuned:
-    """Return the gains that `tune` does, with a call that finds what limits them."""
+def search_gains(
+    vehicle: Vehicle, law: str | None, asked: Asked, advance: Advance, *, explained: bool = False
+) -> Tuned:
+    """Return the gains that `tune` does, with a call that finds what limits them.
+
+    explained: whether, where there are none, an error says what would give the first law some.
+    """
     goal, depths, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
     if goal not in gains.GOALS:
         raise no_such("no such goal", goal, gains.GOALS, field="goal")
@@ -246,8 +252,8 @@ def search_gains(vehicle: Vehicle, law: str | None, asked: Asked, advance: Advan
     if not 0.0 <= delay < 1.0:
         what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
         raise InputError(what, field="delay", value=delay, remedy=remedy)
-    if runs < 20:
-        raise InputError("too few runs", field="runs", value=runs, remedy="Give 20")
+    if runs < _LEAST_RUNS:
+        raise InputError("too few runs", field="runs", value=runs, remedy=f"Give {_LEAST_RUNS}")
     h = vehicle.sampled_every(sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"
@@ -287,8 +293,6 @@ def search_gains(vehicle: Vehicle, law: str | None, asked: Asked, advance: Advan
         try:
             return request.tuned(name, lambda x: advance(x / len(names)))
         except SwimbladderError as error:
-            if law is not None:
-                raise
             return error
 
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -296,11 +300,14 @@ def search_gains(vehicle: Vehicle, law: str | None, asked: Asked, advance: Advan
     tuned = {name: x for name in names if isinstance(x := outcomes[name], Tuned)}
     found = {name: x.answer for name, x in tuned.items()}
     unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
-    if len(unfit) == len(names) == 1:
-        raise unfit[names[0]]
     if not found:
         why = "; ".join(f"{name}: {str(reason).rstrip('.')}" for name, reason in unfit.items())
-        raise NoAnswerError(f"no law has gains for this. {why}")
+        refused = [name for name in names if isinstance(unfit[name], NoAnswerError)]
+        instead = request.instead(refused[0]) if explained and refused else ""
+        if len(names) == 1 and not instead:
+            raise unfit[names[0]]
+        why = str(unfit[names[0]]) if len(names) == 1 else f"no law has gains for this. {why}"
+        raise NoAnswerError(f"{why.rstrip('.')}. {instead}".rstrip())
     taken, why = choose(found, goal)
     if len(found) == 1 < len(names):
         why = f"The law {taken} is the only one that has gains for this."
@@ -336,7 +343,7 @@ class _Request:
         least = least_of(made.vehicle, made.goal, made.ends, **times)
         return replace(made, around=region(made.vehicle), least_time=least)
 
-    def others(self, name: str) -> dict[tuple[str, str], Callable[[], float]]:
+    def others(self, name: str, runs: int = _FEW) -> dict[tuple[str, str], Callable[[], float]]:
         """Return what else may limit a law, and what would be without it, in words, each with how
         far the gains that are made for that are off what they have to keep.
         """
@@ -357,12 +364,24 @@ class _Request:
 
         def after(change: Mapping[str, Any]) -> float:
             try:
-                few = min(self.runs, _FEW)
+                few = min(self.runs, runs)
                 return self.but(**change, runs=few).tuned(name, silent).off
             except SwimbladderError:
                 return math.inf
 
         return {words: partial(after, change) for words, change in changes.items()}
+
+    def instead(self, name: str) -> str:
+        """Return what would give a law gains that has none, as a sentence; empty for a float's."""
+        tried = []
+        for (_, instead), off in self.others(name, _LEAST_RUNS).items():
+            with threadpool_limits(limits=1, user_api="blas"):
+                left = off()
+            if math.isfinite(left):
+                proven = "" if left == 0.0 else ", though unproven ones"
+                return f"With {instead} the law {name} has gains for this{proven}."
+            tried.append(instead)
+        return f"Neither {' nor '.join(tried)} would give the law {name} any." if tried else ""
 
     def tuned(self, name: str, advance: Advance) -> Tuned:
         """Return the gains of the law of that name; raises as `tune` does."""
