@@ -46,10 +46,10 @@ def test_the_closed_form_has_the_vehicles_own_force():
     sunk = K2 * v * (t - T2 * (1.0 - np.exp(-t / T2)))
     late = np.maximum(t - 100.0, 0.0)
     depth = 3.0 + sunk - 2.0 * K2 * v * (late - T2 * (1.0 - np.exp(-late / T2)))
-    found = _fits(t, depth, volume, even)
+    found = _fits(t, depth, "volume", volume, even)
     assert found.force == pytest.approx(1.0, abs=2e-3)
     assert found.explained > 0.9999
-    assert _fits(t, 2.0 * depth, volume, even).force == pytest.approx(2.0, abs=4e-3)
+    assert _fits(t, 2.0 * depth, "volume", volume, even).force == pytest.approx(2.0, abs=4e-3)
 
 
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0, "h": 3600.0}
@@ -121,7 +121,7 @@ def test_a_log_whose_volume_does_not_move_is_not_refused():
     volume = np.full(len(time), vehicle.stroke.minimum)
     volume[-1] += 0.7e-6
     depth = 3.0 + 0.06 * time + 0.1 * np.sin(time / 20.0 + 5.0)
-    assert _fits(60.0 * time, depth, volume, vehicle).explained > 0.8  # by psi alone, and chance
+    assert _fits(60.0 * time, depth, "volume", volume, vehicle).explained > 0.8  # psi, and chance
     log = Log(source="", time=time, depth=depth, volume=volume, line=np.arange(len(time)))
     refuse_wrong_clock(log, vehicle, np.ones(len(time), dtype=bool), "volume", volume)
 

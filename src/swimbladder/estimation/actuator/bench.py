@@ -146,7 +146,7 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
     if vehicle is not None:
         per = 1.0 if quantity == "volume" else vehicle.piston_area
         if per is not None:
-            refuse_wrong_stroke(log, vehicle, per * position)
+            refuse_wrong_stroke(log, vehicle, "volume", per * position)
     time = log.time - log.time[0]
     step = float(np.median(np.diff(time)))
     depth = float(np.nanmax(log.depth, initial=0.0)) if np.isfinite(log.depth).any() else 0.0

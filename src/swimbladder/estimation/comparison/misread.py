@@ -11,7 +11,7 @@ So does any other column that was read wrong: as it was meant the two agree.
 from __future__ import annotations
 
 import math
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
@@ -20,9 +20,13 @@ from swimbladder.estimation.estimates import Finding, sentence
 from swimbladder.estimation.series import stretches
 from swimbladder.io.logs import Log
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.dynamics import plant
+from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.sim.engine.cache import compiled
 from swimbladder.units import unit_factor
 from swimbladder.vehicle import Vehicle
+
+if TYPE_CHECKING:
+    from swimbladder.estimation.comparison.record import Record
 
 Drive = Literal["volume", "voltage", "setpoint"]
 
@@ -46,10 +50,16 @@ def _informative(depth: Array, under: Flags) -> slice | None:
     return slice(first, after) if moves else None
 
 
-def is_still(volume: Array, vehicle: Vehicle) -> bool:
-    """Return whether a volume [m3] never changes by what counts."""
+def is_still(drive: Drive, driving: Array, vehicle: Vehicle) -> bool:
+    """Return whether a volume [m3] or voltage [V] never changes by what counts."""
+    return bool(np.ptp(driving) < _STILL * _whole(drive, vehicle))
+
+
+def _whole(drive: Drive, vehicle: Vehicle) -> float:
+    """Return the stroke [m3], or from full voltage one way to full voltage the other [V]."""
     stroke = vehicle.stroke
-    return bool(np.ptp(volume) < _STILL * (stroke.maximum - stroke.minimum))
+    volts = 2.0 * plant(vehicle).supply
+    return volts if drive == "voltage" else stroke.maximum - stroke.minimum
 
 
 def refuse_wrong_clock(
@@ -62,14 +72,12 @@ def refuse_wrong_clock(
     if (part := _informative(log.depth, under)) is None:
         return
     z, t, given = log.depth[part], log.time[part], driving[part]
-    stroke = vehicle.stroke.maximum - vehicle.stroke.minimum
-    if drive == "volume" and not np.ptp(np.quantile(given, [0.05, 0.95])) > _MOVED * stroke:
+    mostly = np.quantile(given, [0.05, 0.95]) if drive == "volume" else given
+    if not np.ptp(mostly) > _MOVED * _whole(drive, vehicle):
         return  # what moved the vehicle is not in the log
 
     def read_with(factor: float) -> _Fit:
-        time = factor * t
-        volume = given if drive == "volume" else _pumped(time, z, given, vehicle)
-        return _fits(time, z, volume, vehicle)
+        return _fits(factor * t, z, drive, given, vehicle)
 
     if read_with(1.0).near(*_FAR):
         return
@@ -88,54 +96,65 @@ def refuse_wrong_clock(
         raise LogError(what, file=log.source, field="time_s", value=span, unit=unit, remedy=remedy)
 
 
-def refuse_wrong_stroke(log: Log, vehicle: Vehicle, volume: Array) -> None:
-    """Raise LogError where volumes [m3] go much farther than the vehicle's stroke."""
-    stroke = vehicle.stroke
-    over, whole = 1e6 * float(np.ptp(volume)), 1e6 * (stroke.maximum - stroke.minimum)
+def refuse_wrong_stroke(log: Log, vehicle: Vehicle, drive: Drive, driving: Array) -> None:
+    """Raise LogError where what drives goes much farther than the vehicle's stroke, or supply.
+
+    driving: volume [m3] or voltage [V].
+    """
+    over, whole = float(np.ptp(driving)), _whole(drive, vehicle)
     if over > _STROKES * whole:
-        what = f"the volume goes over {over:.3g} cm3, the vehicle's stroke is {whole:.3g} cm3"
-        remedy = "State the column's unit, piston_m=NAME@mm or volume_m3=NAME@cm3, or give the "
-        remedy += "vehicle that the log is of"
-        field = "piston_m" if log.volume is None else "volume_m3"
+        volts = drive == "voltage"
+        each, unit, field = (1.0, "V", "voltage_V") if volts else (1e6, "cm3", "volume_m3")
+        field = "piston_m" if not volts and log.volume is None else field
+        what = f"the {drive} goes over {each * over:.3g} {unit}, the vehicle's range is "
+        remedy = "State the column's unit, as piston_m=NAME@mm, volume_m3=NAME@cm3 or "
+        remedy += "voltage_V=NAME@mV, or give the vehicle that the log is of"
+        what += f"{each * whole:.3g} {unit}"
         raise LogError(what, file=log.source, field=field, remedy=remedy)
 
 
-def misread(
-    time: Array, depth: Array, volume: Array, under: Flags, vehicle: Vehicle
-) -> Finding | None:
-    """Return which column was read wrong, where depths go with volumes as this vehicle's cannot.
+def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
+    """Return which column was read wrong, and whether none was for sure: by the motion they show.
 
-    Of severity no where the log as read otherwise is this vehicle's. under: which samples are clear
-    of surface and bottom. None where they may be right, or do not go with the volumes at all.
+    Of severity no where the log as read otherwise is this vehicle's, or moves the wrong way.
+    Neither, where they may be right, or do not go with each other at all.
     """
-    if (part := _informative(depth, under)) is None or is_still(volume[part], vehicle):
-        return None
-    t, z, V = time[part], depth[part], volume[part]
-    found = _fits(t, z, V, vehicle)
+    part, drive = _informative(rec.depth, rec.compared), rec.drive
+    if part is None or drive == "setpoint":
+        return None, False
+    t, z, u = rec.time[part], rec.depth[part], rec.inputs[part]
+    if drive == "volume" and is_still(drive, u, vehicle):
+        return None, False
 
     def read(as_it_is: _Reading) -> _Fit:
-        _, of_depth, of_volume, ahead = as_it_is
-        x, y, v = ahead * t[::ahead], of_depth * z[::ahead], of_volume * V[::ahead]
-        return _fits(x, y, v, vehicle)
+        ahead = as_it_is.ahead
+        y, v = as_it_is.of_depth * z[::ahead], as_it_is.of_drive * u[::ahead]
+        return _fits(ahead * t[::ahead], y, drive, v, vehicle)
 
-    fits = ((one, read(one)) for one in _READINGS)
+    found, *fits = ((one, read(one)) for one in _READINGS if drive in one.of)
     best, known = min(fits, key=lambda pair: pair[1].off)
-    if known.near(*_CLOSE) and known.explained > _SURE and known.off < _BETTER * found.off:
-        turned = [sentence("compare", "misread", "sign")] if best.of_volume < 0.0 else []
-        why = ", and ".join([*turned, best.text] if best.text else turned)
-        return Finding.of("compare", "read otherwise", why=why)
-    if found.near(*_RIGHT) or not found.explained > _SURE:
-        return None
-    return Finding.of("compare", "misread", times=found.force)
+    force, explained = found[1]
+    better = known.off < _BETTER * found[1].off
+    if known.near(*_CLOSE) and known.explained > _SURE and better:
+        names = ["depth"] * (best.of_depth < 0.0) + [drive] * (best.of_drive < 0.0)
+        texts = [sentence("compare", "misread", name) for name in names]
+        why = ", and ".join([*texts, best.text.format(drive=drive)] if best.text else texts)
+        return Finding.of("compare", "read otherwise", drive=drive, why=why), False
+    if force < 0.0 and explained > _EXPLAINED:
+        return Finding.of("compare", "wrong way", drive=drive), False
+    if found[1].near(*_RIGHT) or not explained > _SURE:
+        return None, explained > _SURE
+    return Finding.of("compare", "misread", times=force, drive=drive), False
 
 
 class _Reading(NamedTuple):
-    """What was read wrong, and by what depths and volumes have to be multiplied."""
+    """What was read wrong, and by what depths and what drives have to be multiplied."""
 
     text: str
     of_depth: float
-    of_volume: float
+    of_drive: float
     ahead: Literal[1, -1] = 1  # -1: from the last row to the first
+    of: tuple[Drive, ...] = ("volume", "voltage")
 
 
 _FEET, _PSI, _INCH = unit_factor("ft", "m"), unit_factor("psi", "kPa"), unit_factor("in", "mm")
@@ -145,10 +164,10 @@ _UNIT_READ_AS = (
     _Reading("a depth in metres was read as feet", 1.0 / _FEET, 1.0),
     _Reading("a pressure in kPa was read as psi", 1.0 / _PSI, 1.0),
     _Reading("a pressure in psi was read as kPa", _PSI, 1.0),
-    _Reading("a piston in inches was read as mm", 1.0, _INCH),
-    _Reading("a piston in mm was read as inches", 1.0, 1.0 / _INCH),
+    _Reading("a piston in inches was read as mm", 1.0, _INCH, of=("volume",)),
+    _Reading("a piston in mm was read as inches", 1.0, 1.0 / _INCH, of=("volume",)),
     *(
-        _Reading(f"depth or volume is off by {10**k}, as mm for cm, or bar for dbar", *factors)
+        _Reading(f"depth or {{drive}} is off by {10**k}, as mm for cm, or bar for dbar", *factors)
         for k in (1, 2, 3)
         for f in (10.0**k, 10.0**-k)
         for factors in ((f, 1.0), (1.0, f))
@@ -156,7 +175,8 @@ _UNIT_READ_AS = (
 )
 _READINGS = (
     *_UNIT_READ_AS,
-    *(one._replace(of_volume=-one.of_volume) for one in _UNIT_READ_AS),
+    *(one._replace(of_drive=-one.of_drive) for one in _UNIT_READ_AS),
+    _Reading("", -1.0, 1.0),
     _Reading("the rows are in reverse order", 1.0, 1.0, -1),
 )
 _RIGHT, _SURE = (0.33, 3.0), 0.8  # of the vehicle's force, and of the variance explained
@@ -193,8 +213,12 @@ class _Fit(NamedTuple):
         return least <= self.force <= most
 
 
-def _fits(time: Array, depth: Array, volume: Array, vehicle: Vehicle) -> _Fit:
-    """Return how the depths [m] go with the volumes [m3] at these times [s]."""
+def _fits(time: Array, depth: Array, drive: Drive, driving: Array, vehicle: Vehicle) -> _Fit:
+    """Return how the depths [m] go with the volumes [m3] or voltages [V] at these times [s]."""
+    volume = driving
+    if drive == "voltage":
+        neutral = vehicle.neutral_volume(float(depth[0]))
+        volume = _pumped(plant(vehicle), time, depth, driving, neutral)
     m, drag, t = vehicle.mass, vehicle.drag, time - time[0]
     speed = float(np.sqrt(np.mean(np.diff(depth) ** 2)) / np.mean(np.diff(t)))
     d = (drag.k_dl + drag.k_dt * speed) / m
@@ -211,17 +235,17 @@ def _fits(time: Array, depth: Array, volume: Array, vehicle: Vehicle) -> _Fit:
     return _Fit(shared / power, shared**2 / power / total)
 
 
-def _pumped(time: Array, depth: Array, voltage: Array, vehicle: Vehicle) -> Array:
-    """Return the volume [m3] that voltages [V] make, without lag, from neutral at the start."""
-    p, V = plant(vehicle), vehicle.neutral_volume(float(depth[0]))
-    found = [V]
-    for dt, z, u in zip(np.diff(time), depth[:-1], voltage[:-1], strict=True):
-        u = min(max(u, -p.supply), p.supply)
+@compiled
+def _pumped(p: Plant, time: Array, depth: Array, voltage: Array, V: float) -> Array:
+    """Return the volume [m3] that voltages [V] make, without lag, from V at the start."""
+    found = np.empty(len(time))
+    found[0] = V
+    for k in range(len(time) - 1):
+        z, u = depth[k], min(max(voltage[k], -p.supply), p.supply)
         out, back = u - p.load_drive * z - p.friction, u - p.load_back * z + p.friction
-        rate = p.gain * (max(out, 0.0) + min(back, 0.0))
-        V = min(max(V + rate * dt, p.V_min), p.V_max)
-        found.append(V)
-    return np.array(found)
+        V += p.gain * (max(out, 0.0) + min(back, 0.0)) * (time[k + 1] - time[k])
+        V = found[k + 1] = min(max(V, p.V_min), p.V_max)
+    return found
 
 
 def _integral(y: Array, t: Array) -> Array:

@@ -317,9 +317,11 @@ def record(
         volume = volume - volume[0] + vehicle.neutral_volume(first) + layers.at(first)
         neutral = "taken as neutral at the first sample's depth"
         notes.append(f"the zero of the volume is not known: {neutral}")
+    driving = {"volume": volume, "voltage": log.voltage, "setpoint": None}[chosen]
+    if driving is not None:
+        refuse_wrong_stroke(log, vehicle, chosen, driving)
     if volume is not None and chosen == "volume":
         stroke = vehicle.stroke
-        refuse_wrong_stroke(log, vehicle, volume)
         beyond = np.maximum(volume - stroke.maximum, stroke.minimum - volume)
         if (beyond > 1e-9).any():
             count, most = int((beyond > 1e-9).sum()), f"by up to {1e6 * beyond.max():.2g} cm3"
@@ -338,14 +340,15 @@ def record(
     if not clear.all():
         notes.append(f"{int((~clear).sum())} samples at the bottom are simulated, not compared")
     compared = under & clear
-    if compared.sum() < _FEWEST:
+    in_air = float(np.median(log.depth)) < surface - vehicle.hull.height
+    if in_air or compared.sum() < _FEWEST:
         what = f"{int(compared.sum())} samples are clear of surface and bottom, too few"
+        what = "most depths are above the water" if in_air else what
         remedy = "Check the unit of the depth, or give another `surface_margin=` or `bottom_depth=`"
         if np.median(log.depth) < 0.0:
             remedy = 'The depths are negative: where they count upward, say depth_positive = "up" '
             remedy += "in the [log] table of `log_format=`"
         raise bad_depth(log.source, what, float(log.depth.max()), remedy)
-    driving = {"volume": volume, "voltage": log.voltage, "setpoint": None}[chosen]
     if driving is not None:
         refuse_wrong_clock(log, vehicle, compared, chosen, driving)
     time = log.time - log.time[0]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -288,13 +288,17 @@ def default_names(rec: Record) -> tuple[str, ...]:
 
 
 def adjust(
-    vehicle: Vehicle, rec: Record, names: Sequence[str], advance: Advance = silent
+    vehicle: Vehicle,
+    rec: Record,
+    names: Sequence[str],
+    advance: Advance = silent,
+    good: float = 0.0,
 ) -> Outcome:
     """Fit `names` by least squares on the depths compared, best of several ways there.
 
     Every stage begins where the one before ended; the whole record is then fitted from each of
     these ends and from others beside them, until three ways lead to the same best place and that
-    explains nine tenths of the variance.
+    explains nine tenths of the variance, or until one is as `good`: less than this off, rms [m].
     advance: called with the share of the work done since it was last called.
     Raises InputError for a name that cannot be fitted.
     """
@@ -316,7 +320,7 @@ def adjust(
         agreed = agreed + 1 if abs(end - best) <= 1e-3 * best else 1 if end < best else agreed
         if end < best:
             best, q = end, found
-        if agreed == 3 and best < enough:
+        if (agreed == 3 and best < enough) or best < 0.5 * good**2 * rec.compared.sum():
             break
     residual = problem.residual(q, whole)
     spread = _spread(problem, q, residual, whole) * problem.scale
@@ -639,8 +643,9 @@ def compare(
     outcome = adjust(vehicle, rec, names, advance)
     predicted, volume, solution = run(outcome.vehicle, rec, outcome.start)
     of = f"after the first sample, of {rec.duration:.4g} s"
-    finite, by = np.isfinite(predicted), rec.volume if rec.drive == "volume" else None
-    wrong = None if by is None else misread(rec.time, rec.depth, by, rec.compared, outcome.vehicle)
+    finite = np.isfinite(predicted)
+    judged = outcome.vehicle.model_copy(update={"trim_error": vehicle.trim_error})
+    wrong, sure = misread(rec, judged)
     stopped = ""
     if solution is None and not finite.all():
         stopped = f"the model left the water {float(rec.time[finite][-1]):.4g} s {of}; fit "
@@ -655,19 +660,27 @@ def compare(
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
+    noise = _noise(rec)
+    beyond = rms(off) > MODEL_ERROR * min(noise, _NOISIEST)
+    said, without = (findings if wrong is None else [wrong]), math.inf
+    unlikely = rec.drive != "setpoint" and beyond and not sure and not explained > _WHOLE
+    still = unlikely and is_still(rec.drive, rec.inputs, vehicle)
+    if names and unlikely and not still and all(f.severity != "no" for f in said):
+        without = _without(vehicle, rec, names, rms(off) / _IDLE)
+    idle = _IDLE * without < rms(off)
     if wrong is not None:
-        if not explained >= _HALF:  # what follows from it need not be said
+        if idle or not explained >= _HALF:  # what follows from it need not be said
             wrong, findings = wrong._replace(severity="no"), []
         findings.insert(0, wrong)
+    elif still:
+        findings = [Finding.of("compare", "still", drive=rec.drive)]
+    elif idle:
+        apart = {"rms": rms(off), "without": without}
+        findings.append(Finding.of("compare", "no better", drive=rec.drive, **apart))
     elif not explained >= _HALF:
-        noise = _noise(rec)
-        beyond = rms(off) > MODEL_ERROR * min(noise, _NOISIEST)
-        if by is not None and beyond and is_still(by, vehicle):
-            findings = [Finding.of("compare", "still")]
-        else:
-            least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
-            lost = bool(names) and not explained >= least and beyond
-            findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
+        least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
+        lost = bool(names) and not explained >= least and beyond
+        findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -686,9 +699,24 @@ def compare(
     )
 
 
+_WHOLE = 0.999  # of how the depth varies, more of which a drive that never changes may explain
 _HALF = 0.5  # of how the depth varies; less is no model of the log
 _NOISIEST = 0.05  # m, of a depth's sensor
 _LOST = -1.0  # likewise: a depth that stays would be nearer to the log than what was fitted to it
+
+
+def _without(vehicle: Vehicle, rec: Record, names: Sequence[str], good: float) -> float:
+    """Return how far depths are off [m], rms, where a volume that stays drives.
+
+    As it fits best, or until it is as `good`.
+    """
+    stays = replace(rec, drive="volume", volume=np.full_like(rec.time, _guess(vehicle, rec)))
+    fitted, start, *_ = adjust(vehicle, stays, names, good=good)
+    off = run(fitted, stays, start)[0] - rec.depth
+    return rms(off[rec.compared])
+
+
+_IDLE = 0.95  # of that error: a drive that takes less off it says nothing
 
 
 def _fitted_before(vehicle: Vehicle) -> list[str]:

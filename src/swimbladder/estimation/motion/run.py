@@ -630,10 +630,9 @@ def identify(
 
 def _misread(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Finding]:
     """Yield why logs may be as no vehicle's: volumes that never change, or a column read wrong."""
-    by = [(r, r.volume) for r in records if r.drive == "volume" and r.volume is not None]
-    if len(by) == len(records) and all(is_still(volume, vehicle) for _, volume in by):
-        yield Finding.of("compare", "still")
-    wrong = (misread(r.time, r.depth, volume, r.compared, vehicle) for r, volume in by)
+    if all(is_still(r.drive, r.inputs, vehicle) for r in records):
+        yield Finding.of("compare", "still", drive=records[0].drive)
+    wrong = (misread(rec, vehicle)[0] for rec in records)
     yield from islice((finding for finding in wrong if finding is not None), 1)
 
 
