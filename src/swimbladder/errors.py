@@ -19,8 +19,10 @@ import ast
 import json
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
+from numbers import Integral
 from pathlib import Path
 from typing import Any, Self
 
@@ -146,30 +148,54 @@ class NoAnswerError(SwimbladderError):
     exit_code = 1
 
 
+_LARGEST = sys.float_info.max
+
+
 def check_number(
-    value: float,
+    value: float | None,
     field: str,
     unit: str = "",
     *,
-    least: float = -math.inf,
+    least: float = -_LARGEST,
     above: float = -math.inf,
-    most: float = math.inf,
-    finite: bool = True,
+    below: float | None = None,
+    most: float = _LARGEST,
     remedy: str = "Check the number and its unit",
 ) -> None:
-    """Raise InputError about `field` for a number that is not within its bounds, or not finite."""
+    """Raise InputError about `field` for a number that is not within its bounds, or not finite.
+
+    None is no number that is given. most: inf where it may be infinite.
+    """
+    if value is None:
+        return
     if isinstance(value, str) or not hasattr(value, "__float__"):
         raise InputError("not a number", field=field, value=value, unit=unit, remedy=remedy)
-    if value >= least and value > above and value <= most and (math.isfinite(value) or not finite):
+    if least <= value <= most and above < value and (below is None or value < below):
         return
     bound = f"above {above:g}" if above > -math.inf else f"{least:g} or more"
-    if most < math.inf:
+    if below is not None:
+        bound += f" and below {below:g}"
+    elif most < _LARGEST:
         bound += f" and {most:g} at most"
     elif value == math.inf:
         bound += " and finite"
-    unbounded = max(least, above) == -math.inf and most == math.inf
+    unbounded = (least, above, below, most) == (-_LARGEST, -math.inf, None, _LARGEST)
     what = "not a finite number" if unbounded else f"it must be {bound}"
     raise InputError(what, field=field, value=value, unit=unit, remedy=remedy)
+
+
+def check_counts(**given: tuple[int | None, int] | tuple[int | None, int, int]) -> None:
+    """Raise InputError where a count is no whole number from the least to the most it may be.
+
+    given: by field, the count, what it is at least and, where there is such a limit, at most.
+    """
+    for field, (value, least, *most) in given.items():
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if value is not None and not (whole and least <= value <= min(most, default=value)):
+            within = f"from {least} to {most[0]:,}" if most else f"of at least {least}"
+            remedy = f"Give {field} as a number like {least + 1}"
+            what = f"must be a whole number {within}"
+            raise InputError(what, field=field, value=value, remedy=remedy)
 
 
 def _short(value: object, limit: int = 80) -> str:

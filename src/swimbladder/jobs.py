@@ -31,7 +31,7 @@ from zipfile import BadZipFile
 import numpy as np
 from pydantic import BaseModel
 
-from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError, check_counts
 from swimbladder.io.files import (
     file_there,
     make_folder,
@@ -42,6 +42,7 @@ from swimbladder.io.files import (
 from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.plugins import optional
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import no_such
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -256,14 +257,8 @@ class Workers:
             raise InputError(what, field="part", value=self.part, remedy=remedy) from None
         object.__setattr__(self, "part", (k, n))
         if self.executor not in EXECUTORS:
-            remedy = f"Choose from {', '.join(EXECUTORS)}"
-            raise InputError(
-                "no such executor", field="executor", value=self.executor, remedy=remedy
-            )
-        if self.workers is not None and not 1 <= self.workers <= 4096:
-            what = "must be a whole number from 1 to 4096"
-            remedy = "Leave it out for one on each core"
-            raise InputError(what, field="workers", value=self.workers, remedy=remedy)
+            raise no_such("no such executor", self.executor, EXECUTORS, field="executor")
+        check_counts(workers=(self.workers, 1, 4096))
         if self.scheduler is not None and self.executor != "dask":
             what, remedy = "only dask has a scheduler", "Give `executor='dask'`"
             raise InputError(what, field="scheduler", value=self.scheduler, remedy=remedy)

@@ -284,7 +284,7 @@ def test_a_latitude_beyond_the_pole(capsys, tmp_path, cast):
         ]
     )
     assert code == 2
-    assert "not between -90 and 90" in capsys.readouterr().err.replace("\n", " ")
+    assert "it must be -90 or more and 90 at most" in capsys.readouterr().err.replace("\n", " ")
 
 
 @pytest.mark.data

@@ -82,7 +82,7 @@ def test_the_list_of_scenarios(capsys):
         ([], 2, "no vehicle"),
         (["feup-em", "--laws", "planed"], 2, "Did you mean planned?"),
         (["feup-em", "--laws", "foo"], 2, "--laws: no such law (got 'foo')"),
-        (["feup-em", "--runs", "1"], 2, "too few runs"),
+        (["feup-em", "--runs", "1"], 2, "whole number of at least 2"),
         (["feup-em", "--depth-range", "5"], 2, "a colon between"),
         (
             ["feup-em", "--depth-range", "0:90 m"],
@@ -93,7 +93,7 @@ def test_the_list_of_scenarios(capsys):
         ),
         (["feup-em", "--depth-range", "0:90 m", "--unsupervised"], 1, "leaves the stroke"),
         (["feup-em", "--depth-noise", "-1 mm"], 2, "greater than or equal to 0"),
-        (["feup-em", "--seed", "-1"], 2, "0 or more"),
+        (["feup-em", "--seed", "-1"], 2, "of at least 0"),
     ],
 )
 def test_bad_input_is_named_and_writes_nothing(capsys, tmp_path, arguments, code, words):

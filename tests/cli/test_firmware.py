@@ -142,7 +142,7 @@ def test_another_seed_is_another_trace(tmp_path, capsys):
         (["--bottom-depth", "4.5 m", "--volume-changes", "10:"], "--volume-changes"),
         (["--bottom-depth", "4.5 m", "--volume-changes", "10:20 m"], "--volume-changes"),
         (["--bottom-depth", "4.5 m", "--clearance", "2.2 m"], "smaller --clearance"),
-        (["--bottom-depth", "4.5 m", "--rounds", "0"], "one at least"),
+        (["--bottom-depth", "4.5 m", "--rounds", "0"], "of at least 1"),
     ],
 )
 def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):

@@ -53,7 +53,7 @@ def test_the_folder_has_a_default(tmp_path, capsys, monkeypatch):
 
 def test_a_verdict_that_fails_is_exit_code_1(tmp_path, capsys, monkeypatch):
     def one(_):
-        return [claim("section 9", "pigs fly", paper="yes", ours="no", holds=False)]
+        return [claim(False, where="section 9", what="pigs fly", paper="yes", ours="no")]
 
     monkeypatch.setattr(package, "published", one)
     assert main(["reproduce", "--out", str(tmp_path / "paper")]) == 1

@@ -154,7 +154,7 @@ def test_new_takes_the_kind_as_name_and_does_not_overwrite_unasked(capsys, tmp_p
     [
         (["show", "feup"], "Did you mean feup-em?"),
         (["show", "none.toml"], "there is no such file"),
-        (["new", "x.toml", "--kind", "electro"], "Kinds: electromechanical, "),
+        (["new", "x.toml", "--kind", "electro"], "Choose from electromechanical, "),
         (["new", "none/x.toml"], "cannot write the file"),
         (
             ["new", "x.toml", "--kind", "unified", "--piston-diameter", "6 cm"],

@@ -133,7 +133,7 @@ def test_a_law_that_does_not_fit(kind, command, tmp_path, capsys):
     assert caught.value.field == ("actuator.kind" if pump else field or "controller.law")
     if field == "controller.law":
         assert caught.value.value == vehicle.controller.law
-    if "choose" in caught.value.remedy.lower():
+    if "choose one of" in caught.value.remedy.lower():
         fitting = caught.value.remedy.partition(":")[2].strip(" .").split(", ")
         assert {law_by_name(name).command for name in fitting} == {vehicle.command}
 

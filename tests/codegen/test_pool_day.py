@@ -386,7 +386,7 @@ class TestNumbers:
             (PoolOptions(4.5, volume_changes=(20e-6, 250e-6)), "at most 212 cm3"),
             (PoolOptions(4.5, volume_changes=(0.0, 75e-6)), "above 0"),
             (PoolOptions(4.5, volume_changes=(math.nan, 75e-6)), "above 0"),
-            (PoolOptions(4.5, rounds=0), "one at least"),
+            (PoolOptions(4.5, rounds=0), "of at least 1"),
             (PoolOptions(4.5, rounds=1), "a single volume"),
         ],
     )

@@ -151,7 +151,7 @@ def test_fresh_water_with_a_stated_salinity(tmp_path):
     assert "`salinity=" in error.remedy
     cast = read_cast(path, salinity=0.0)
     assert cast_column(cast).density[0] == pytest.approx(gsw.rho_t_exact(0.0, 15.0, 0.0), abs=2e-3)
-    with pytest.raises(InputError, match="no practical salinity"):
+    with pytest.raises(InputError, match="0 or more and 42 at most"):
         read_cast(path, salinity=400.0)
 
 

@@ -303,10 +303,10 @@ def test_no_bytes_end_in_anything_but_an_input_error(tmp_path_factory, content):
 @pytest.mark.parametrize(
     ("line", "wrong", "said"),
     [
-        ('dead = "60 s"', 'dead = "-5 s"', "controller.parameters.dead: must be 0.05 or more"),
-        ('run = "10 s"', "run = 0", "controller.parameters.run: must be 0.05 or more"),
-        ('far_speed = "10 cm/s"', "far_speed = 0", "parameters.far_speed: must be above 0"),
-        ('volume_step = "0.2 cm3"', "volume_step = -1", "parameters.volume_step: must be 0 or"),
+        ('dead = "60 s"', 'dead = "-5 s"', "controller.parameters.dead: it must be 0.05 or more"),
+        ('run = "10 s"', "run = 0", "controller.parameters.run: it must be 0.05 or more"),
+        ('far_speed = "10 cm/s"', "far_speed = 0", "parameters.far_speed: it must be above 0"),
+        ('volume_step = "0.2 cm3"', "volume_step = -1", "parameters.volume_step: it must be 0 or"),
     ],
 )
 def test_a_law_of_missions_whose_numbers_are_none_is_refused(tmp_path, line, wrong, said):

@@ -300,32 +300,35 @@ def test_a_file_in_the_way_and_a_negative_seed_are_refused_at_once(tmp_path):
         reproduce(tmp_path / "file")
     with pytest.raises(InputError, match="cannot make the folder"):
         reproduce(tmp_path / "file" / "paper")
-    with pytest.raises(InputError, match=r"seed: must not be negative"):
+    with pytest.raises(InputError, match=r"seed: must be a whole number"):
         reproduce(tmp_path / "paper", seed=-1)
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+PLACE = {"where": "", "what": ""}
 
 
 def test_a_number_agrees_is_explained_or_fails():
     known = Known(why="because", value=2.0, within=0.1)
 
     def verdict(ours):
-        return number("", "", paper=1.0, ours=ours, unit="m", within=0.05, known=known).verdict
+        return number(ours, known, **PLACE, paper=1.0, unit="m", within=0.05).verdict
 
     assert verdict(1.04) is Verdict.AGREES
     assert verdict(2.1) is Verdict.EXPLAINED
     assert verdict(1.5) is Verdict.FAILS
     assert verdict(math.nan) is Verdict.FAILS
     median = Known(why="because", value=2.0, within=0.1, observed=1.95)
-    spoilt = number("", "", paper=1.0, ours=9.0, unit="m", within=0.05, known=median)
+    spoilt = number(9.0, median, **PLACE, paper=1.0, unit="m", within=0.05)
     assert spoilt.verdict is Verdict.EXPLAINED
-    plain = number("", "", paper=-2.0, ours=-2.5, unit="", within=0.1)
+    plain = number(-2.5, **PLACE, paper=-2.0, unit="", within=0.1)
     assert plain.verdict is Verdict.FAILS
     assert plain.difference == "-25 %"  # relative to the size of the paper's
 
 
 def test_a_claim_agrees_is_explained_or_fails():
     def verdict(**how):
-        return claim("", "", paper="", ours="", **how).verdict
+        return claim(**PLACE, paper="", ours="", **how).verdict
 
     assert verdict(holds=True) is Verdict.AGREES
     assert verdict(holds=False) is Verdict.FAILS

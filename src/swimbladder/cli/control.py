@@ -13,6 +13,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -163,7 +164,7 @@ def compare_laws(
 
         found = compare_laws(v, **options, parts=parts, advance=advance)
     if assumed:
-        found = found.assuming(assumed)
+        found = replace(found, assumptions=(*found.assumptions, assumed))
     to.answer(found)
 
 
@@ -191,10 +192,6 @@ def _list(
     to.show({"scenarios": shown}, [listed])
 
 
-def _all(texts: list[str], _: str) -> tuple[str, ...]:
-    return tuple(texts)
-
-
 class Disturbed(Options):
     """What is looked at, as `design.stability.stability` has it."""
 
@@ -205,7 +202,7 @@ class Disturbed(Options):
     voltage_quantum: str = valued("VOLTAGE", "Voltage step of the motor's driver (none).", "0 V")
     maps: bool = flag("--maps/--no-maps", "Recovery maps.", True)
     robustness: bool = flag("--robustness", "Vary the gain (0.5 to 2) and the delay.")
-    laws: Several = valued("LAW", "Law tuned first, for --robustness; repeatable.", read=_all)
+    laws: Several = valued("LAW", "Law tuned first, for --robustness; repeatable.")
     runs: int = valued("N", "Runs of each case, for --robustness.", 200)
     supervised: bool | None = supervised()
 

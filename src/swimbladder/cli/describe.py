@@ -29,6 +29,7 @@ from swimbladder.cli.options import (
     VehicleName,
     grouped,
     loaded,
+    pairs,
     valued,
 )
 from swimbladder.cli.reading import NO_CAST, CastReading, Casts, refuse_doubted_unit
@@ -110,12 +111,10 @@ def new(
     """Write a short vehicle file to start from; with --full one of every field and default."""
     from swimbladder.io.files import there, write_atomically
     from swimbladder.io.vehicle_file import KINDS, vehicle_start, vehicle_template
-    from swimbladder.vehicle.schema import did_you_mean
+    from swimbladder.vehicle.schema import no_such
 
     if kind not in KINDS:
-        why, remedy = "there is no such kind of actuator", f"Kinds: {', '.join(KINDS)}"
-        remedy = f"{did_you_mean(kind, KINDS)}{remedy}"
-        raise InputError(why, field="--kind", value=kind, remedy=remedy)
+        raise no_such("there is no such kind of actuator", kind, KINDS, field="--kind")
     target = path if path is not None else Path(f"{kind}.toml")
     if there(target) and not force:
         remedy = "Choose another name, or overwrite it with --force"
@@ -148,7 +147,6 @@ def set_fields(
     to: Printed,
 ) -> None:
     """Write a vehicle with other values of some fields: a number is in SI."""
-    from swimbladder.cli.options import pairs
     from swimbladder.io.config import check_vehicle, load_vehicle
     from swimbladder.io.vehicle_file import save_vehicle, vehicle_file
     from swimbladder.show.vehicle import fields_of

@@ -51,7 +51,6 @@ from swimbladder.errors import InputError, SwimbladderError
 from swimbladder.units import quantity, unit_of, with_one_unit
 
 if TYPE_CHECKING:
-    from swimbladder.cli.reading import Chosen
     from swimbladder.estimation.comparison import Comparison
     from swimbladder.estimation.comparison.ahead import Ahead as Predicted
     from swimbladder.io.logs import Log
@@ -323,7 +322,7 @@ def identify_actuator(
     seconds = time.perf_counter() - begun
     from swimbladder.show.actuator import ActuatorIdentificationShown
 
-    to.answer(ActuatorIdentificationShown(found, seconds=seconds, pictures=plot))
+    to.answer(ActuatorIdentificationShown(found, seconds=seconds, steps=plot))
 
 
 def _noise(unit: str) -> Callable[[str, str], float | None]:

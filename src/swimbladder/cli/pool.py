@@ -13,6 +13,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.console import Group, RenderableType
+from rich.text import Text
+
 from swimbladder.cli.common import aside, compile_notice, console, output, progress
 from swimbladder.cli.options import (
     Files,
@@ -33,8 +36,6 @@ from swimbladder.show.text import rich_table
 from swimbladder.units import parse_quantity, quantity
 
 if TYPE_CHECKING:
-    from rich.console import RenderableType
-
     from swimbladder.design.plan import Plan
     from swimbladder.design.pool_day import GrowingLog, News, Operator, PoolDay, Target
     from swimbladder.design.pool_day.day import Kept
@@ -76,9 +77,7 @@ class View:
             yield lambda: live.update(self._drawn())
 
     def _drawn(self) -> RenderableType:
-        from rich.console import Group
         from rich.panel import Panel
-        from rich.text import Text
 
         from swimbladder.show.pool import experiment_table, parameter_table
 
@@ -93,8 +92,6 @@ class View:
         return Panel(Group(*parts), title=title, title_align="left")
 
     def _state(self) -> RenderableType:
-        from rich.text import Text
-
         day, sample = self.day, self.day.latest
         if sample is None:
             return Text("waiting for the log", style="dim")

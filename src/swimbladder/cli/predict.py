@@ -34,8 +34,8 @@ from swimbladder.cli.options import (
     valued,
 )
 from swimbladder.cli.reading import CastReading, Casts, warn_of_mass, water_of_cast
-from swimbladder.errors import InputError, SwimbladderError
-from swimbladder.show.parts import Labelled, labelled
+from swimbladder.errors import InputError, SwimbladderError, check_number
+from swimbladder.show.parts import Gone, Labelled, labelled
 
 if TYPE_CHECKING:
     from swimbladder.design.analysis import Analysis
@@ -280,7 +280,6 @@ def mission(
             found = fly(v, task, read, **asked, keep=keep, advance=advance)
     from swimbladder.io.netcdf import write_netcdf
     from swimbladder.show.mission import MissionResultShown
-    from swimbladder.show.parts import Gone
 
     if also.netcdf:
         place = {} if read is None else {"latitude": read.latitude, "longitude": read.longitude}
@@ -433,7 +432,6 @@ def analyse(vehicle: VehicleName, *, asked: Rest, to: Files) -> None:
 def _analysis(vehicle: str, depth: float) -> Analysis:
     from swimbladder.design.analysis import DOWN
     from swimbladder.design.analysis import analyse as analyse_vehicle
-    from swimbladder.errors import InputError, check_number
     from swimbladder.io.config import locate
 
     check_number(depth, "--depth", "m", least=0.0, remedy=DOWN)

@@ -27,12 +27,11 @@ from swimbladder.codegen.wire import BAUD, Said, Wire
 from swimbladder.control.law import Measurement
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.control.supervisor_limits import check_time_limit
-from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, Parameter, SwimbladderError, check_counts
 from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.files import check_place, make_folder
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop import simulate
-from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.faults.c_interface import SUPERVISED
 from swimbladder.sim.faults.campaign_result import Outcome, outcomes
 from swimbladder.sim.faults.draw import Mission as FaultMission

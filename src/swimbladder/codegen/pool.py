@@ -21,7 +21,7 @@ from swimbladder.control.protocol import MARGIN, POOL, Does, Phase, PoolParamete
 from swimbladder.control.registry import bind
 from swimbladder.control.sea_cascade import SeaCascadeParameters, sea_cascade_gains
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
-from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.errors import InputError, NoAnswerError, check_counts
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Flags
 from swimbladder.physics.dynamics import Plant, plant
@@ -225,12 +225,7 @@ def in_float32(parameters: Any, law: Law) -> dict[str, dict[str, Any]]:
 
 
 def plan_pool_day(
-    vehicle: Vehicle,
-    options: PoolOptions,
-    limits: SupervisorParameters,
-    *,
-    seed: int | None,
-    advance: Advance = silent,
+    vehicle: Vehicle, options: PoolOptions, limits: SupervisorParameters, *, seed: int | None
 ) -> PoolDay:
     """Return a pool day that a vehicle comes through, flown by the float32 twin.
 
@@ -238,7 +233,7 @@ def plan_pool_day(
     """
     parameters, depth = board_procedure(vehicle, options, limits), options.bottom_depth
     board = float32_twin(parameters, limits)
-    flown = rehearse(vehicle, board, bottom_depth=depth, seed=seed, advance=advance)
+    flown = rehearse(vehicle, board, bottom_depth=depth, seed=seed)
     own = _own_loop(vehicle, limits.S_p) is not None
     return PoolDay(options, parameters, own, plant(vehicle).V_0, flown)
 
@@ -336,9 +331,7 @@ def _check_pool(
 
 def _check_volumes(options: PoolOptions, p: Plant, limits: SupervisorParameters) -> None:
     """Raise InputError unless stroke and trim leave room for every change of volume."""
-    if options.rounds < 1:
-        what, remedy = "there has to be one at least", "Leave it out for four"
-        raise InputError(what, field="rounds", value=options.rounds, remedy=remedy)
+    check_counts(rounds=(options.rounds, 1))
     first, last = options.volume_changes
     if options.rounds == 1 and first != last:
         given = f"{first * 1e6:g}:{last * 1e6:g} cm3"

@@ -10,7 +10,7 @@ from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry
 from swimbladder.units import quantity
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.schema import did_you_mean
+from swimbladder.vehicle.schema import did_you_mean, no_such
 
 
 def _own(module: str) -> Callable[[], Law]:
@@ -48,8 +48,7 @@ def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
     known = LAWS.names()
     if name not in known:
-        remedy = f"{did_you_mean(name, known)}Laws: {', '.join(known)}"
-        raise InputError("unknown control law", field="controller.law", value=name, remedy=remedy)
+        raise no_such("unknown control law", name, known, field="controller.law")
     return LAWS[name]
 
 

@@ -294,8 +294,7 @@ class Analysis(Answer):
             rest += " voltage_V voltage_back_V"
         volts = dict.fromkeys(("voltage_V", "voltage_back_V"))
         answer = {
-            "vehicle": self.vehicle.name,
-            **as_json(self, "depth_m rests stable findings notes"),
+            **as_json(self, "vehicle=vehicle.name depth_m rests stable findings notes"),
             "command": self.vehicle.command,
             "operating_point": volts | as_json(self.operating_point, rest),
             "open_loop": {

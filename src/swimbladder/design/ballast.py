@@ -182,11 +182,6 @@ class Target:
         """Read texts with units."""
         read_numbers(self)
 
-    @property
-    def asked_freeboard(self) -> float:
-        """The freeboard that the stroke has to give [m], 0 where the mass is chosen for it."""
-        return self.freeboard or 0.0 if self.neutral_depth is not None else 0.0
-
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
@@ -406,7 +401,7 @@ def seas(vehicle: Vehicle, casts: Sequence[Cast], deepest: float | None = None) 
     limit = vehicle.hull.depth_limit
     if deepest is not None:
         remedy = "Give a depth below the surface"
-        check_number(deepest, "max_depth", "m", above=0.0, finite=False, remedy=remedy)
+        check_number(deepest, "max_depth", "m", above=0.0, most=math.inf, remedy=remedy)
         if limit is not None and deepest > limit:
             what = f"deeper than the vehicle is rated for, {limit:g} m"
             remedy = "Give a lesser depth, or correct hull.depth_limit"
@@ -524,7 +519,7 @@ def ballast(
     NoAnswerError
         No mass brings about the target.
     """
-    density, named = material_of(material)
+    of = material_of(material)
     sea = seas(vehicle, casts, max_depth)
     vehicle, stated, more = with_mass(vehicle, mass)
     unknown, warned = uncertainty or uncertainty_of(vehicle, {}), (*sea.warnings, *more)
@@ -533,8 +528,7 @@ def ballast(
         sea.columns,
         target=target,
         uncertainty=unknown,
-        density=density,
-        material=named,
+        material=of,
         assumptions=(*warned, *sea.assumed, stated, *_hull_words(vehicle), *unknown.said),
         advance=advance,
     )
@@ -555,19 +549,18 @@ def ballast_in(
     *,
     target: Target = Target(),
     uncertainty: Uncertainty,
-    density: float = MATERIALS["lead"],
-    material: str = "lead",
+    material: tuple[float, str] = (MATERIALS["lead"], "lead"),
     draws: int = _DRAWS,
-    seed: int = 0,
     assumptions: Sequence[str] = (),
     advance: Advance = silent,
 ) -> Ballasting:
     """Return what to add to a vehicle for a target, and whether its stroke does in every column.
 
     columns: the seas it may meet, down to the deepest it has to go; the target is for the first.
-    density [kg/m3] of what is added outside the hull, infinite for what is added inside. Raises
-    InputError for targets that make no sense and NoAnswerError where no mass fulfils them.
+    material: of what is added, as `material_of` has it. Raises InputError for targets that make no
+    sense and NoAnswerError where no mass fulfils them.
     """
+    density, named = material
     _check(vehicle, columns, target, density)
     added = _added(vehicle, columns[0], target, density)
     made = ballasted(vehicle, added, density, columns[0])
@@ -575,7 +568,7 @@ def ballast_in(
     for k, column in enumerate(columns):
         thin = _thinned(column, made)
         nominal = neutral_volume(made, thin)
-        drawn = drawn_volumes(made, thin, uncertainty, draws=draws, seed=seed + k)
+        drawn = drawn_volumes(made, thin, uncertainty, draws=draws, seed=k)
         needs.append(_need(made, thin, nominal, drawn, target))
         low, high = np.quantile(drawn, [0.5 - 0.5 * p, 0.5 + 0.5 * p], axis=0)
         curves.append(Curve(depth=thin.depth, nominal=nominal, low=low, high=high))
@@ -600,7 +593,7 @@ def ballast_in(
         draws=draws,
         added=added,
         added_volume=added / density,
-        material=material,
+        material=named,
         best=shift / per_mass,
         best_margin=0.5 * (tight.margin_in + tight.margin_out),
         freeboard=free,
@@ -723,7 +716,9 @@ def _thinned(column: Column, vehicle: Vehicle) -> Column:
 def _need(vehicle: Vehicle, column: Column, nominal: Array, drawn: Array, target: Target) -> Need:
     """Return what the stroke has to cover in one column, and how likely it does."""
     stroke, weight = vehicle.stroke, column.density * column.gravity
-    out = target.asked_freeboard * vehicle.hull.waterplane_area
+    out = 0.0  # volume of the freeboard that the stroke has to give
+    if target.neutral_depth is not None:  # else the mass is chosen for it
+        out = (target.freeboard or 0.0) * vehicle.hull.waterplane_area
     down, up = (abs(drag_force(vehicle.drag, w)) / weight for w in (target.speed, -target.speed))
     sink, rise = nominal - down, nominal + up
     rise[0] = max(rise[0], nominal[0] + out)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from functools import wraps
 from importlib import import_module
+from operator import attrgetter
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
@@ -122,7 +123,8 @@ def as_json(record: Any, keys: str) -> dict[str, Any]:
     """Return attributes of a record for JSON, in the order of `keys`, words between blanks.
 
     A key is the attribute's name, with the unit behind it where it has one: ``rms_m`` is the
-    attribute ``rms``. Where JSON has another name, both stand there: ``hold_m=held``.
+    attribute ``rms``. Where JSON has another name, both stand there: ``hold_m=held``; so may the
+    attribute of an attribute, ``depth_m=place.depth``.
     """
     return {key: plain(value) for key, value in attributes(record, keys).items()}
 
@@ -132,7 +134,7 @@ def attributes(record: Any, keys: str) -> dict[str, Any]:
     found = {}
     for word in keys.split():
         key, _, name = word.partition("=")
-        found[key] = getattr(record, name or _attribute(record, key))
+        found[key] = attrgetter(name or _attribute(record, key))(record)
     return found
 
 

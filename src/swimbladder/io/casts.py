@@ -23,7 +23,14 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError, LogError, Parameter, SwimbladderError, column_as
+from swimbladder.errors import (
+    InputError,
+    LogError,
+    Parameter,
+    SwimbladderError,
+    check_number,
+    column_as,
+)
 from swimbladder.io.cast_columns import RawCast, cnv_cast, is_cnv, netcdf_cast, sheet_cast
 from swimbladder.io.cast_units import COLDEST, DEEPEST, MOST_SALT, WARMEST, by_depth, check_units
 from swimbladder.io.log_format import LogFormat, format_of
@@ -32,6 +39,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry
+from swimbladder.vehicle.schema import no_such
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -422,19 +430,13 @@ def check_reading(
     inversions: str = "refuse",
 ) -> None:
     """Raise InputError where what is said of a cast beside its file cannot be."""
-    for name, degrees, most in (("latitude", latitude, 90.0), ("longitude", longitude, 360.0)):
-        if degrees is not None and not abs(degrees) <= most:
-            what = f"not between -{most:g} and {most:g}"
-            remedy = "Give degrees with decimals, south and west negative"
-            raise InputError(what, field=name, value=degrees, unit="degrees", remedy=remedy)
-    if salinity is not None and not 0.0 <= salinity <= MOST_SALT:
-        what = "no practical salinity of a sea"
-        remedy = "Give it in PSS-78: 0 in fresh water, 35 in the ocean"
-        raise InputError(what, field="salinity", value=salinity, remedy=remedy)
+    how = "Give degrees with decimals, south and west negative"
+    check_number(latitude, "latitude", "degrees", least=-90.0, most=90.0, remedy=how)
+    check_number(longitude, "longitude", "degrees", least=-360.0, most=360.0, remedy=how)
+    how = "Give it in PSS-78: 0 in fresh water, 35 in the ocean"
+    check_number(salinity, "salinity", least=0.0, most=MOST_SALT, remedy=how)
     if inversions not in get_args(Inversions):
-        what = "not one of the choices"
-        remedy = "Choose refuse, average or keep"
-        raise InputError(what, field="inversions", value=inversions, remedy=remedy)
+        raise no_such("not a choice", inversions, get_args(Inversions), field="inversions")
 
 
 def _salted(raw: RawCast, salinity: float | None) -> RawCast:

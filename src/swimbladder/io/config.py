@@ -3,6 +3,7 @@
 Where each key of a TOML text stands is found here: `tomllib` does not give it.
 """
 
+import math
 import re
 import tomllib
 from bisect import bisect_right
@@ -15,7 +16,7 @@ from pydantic import ValidationError
 
 from swimbladder.control.rate import RATE
 from swimbladder.control.registry import own_law
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_number
 from swimbladder.io.files import read_at_most, why_unreadable
 from swimbladder.io.mission import Mission
 from swimbladder.io.presets import preset_names, preset_text
@@ -204,12 +205,9 @@ def _check_parts_fit(vehicle: Vehicle) -> None:
         return
     law, parameters = own_law(vehicle, sampled=False)
     for name, value in parameters._asdict().items() if law.name == RATE.name else ():
-        least = _LEAST.get(name, 0.0)
-        if value < least or (value == 0.0 and name in _ABOVE_0):
-            what = "must be above 0" if name in _ABOVE_0 else f"must be {least:g} or more"
-            place, unit = f"controller.parameters.{name}", RATE.units[name]
-            remedy = "Check the number and its unit"
-            raise InputError(what, field=place, value=value, unit=unit, remedy=remedy)
+        least, above = _LEAST.get(name, 0.0), 0.0 if name in _ABOVE_0 else -math.inf
+        place, unit = f"controller.parameters.{name}", RATE.units[name]
+        check_number(value, place, unit, least=least, above=above, most=math.inf)
 
 
 def vehicle_text(name_or_path: str | Path) -> str:

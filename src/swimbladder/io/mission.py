@@ -6,17 +6,14 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
 from swimbladder.errors import InputError, check_number
 from swimbladder.physics.seawater import WaterMotion
-from swimbladder.vehicle import LawNumbers, Parameters, Unit
+from swimbladder.vehicle import LawNumbers, Parameters, Unit, Vehicle
 from swimbladder.vehicle.schema import refusal
-
-if TYPE_CHECKING:
-    from swimbladder.vehicle import Vehicle
 
 _MOST_PHASES = 50  # whether each was missed is kept as a bit of a double's 53
 _DEEPEST = 11_000.0  # m; Challenger Deep: 10,935 m
@@ -220,8 +217,7 @@ class Mission(Parameters):
             what = "it must be a whole number of at least 1"
             remedy = "Give how often the phases are repeated"
             raise InputError(what, field="cycles", value=cycles, remedy=remedy)
-        if duration is not None:
-            check_number(duration, "duration", "s", above=0.0, finite=False)
+        check_number(duration, "duration", "s", above=0.0, most=math.inf)
         asked = {"cycles": cycles, "duration": duration}
         return self.model_copy(update={k: v for k, v in asked.items() if v is not None})
 

@@ -8,7 +8,7 @@ beside the modules.
 from pathlib import Path
 from typing import Any
 
-from swimbladder.errors import InputError
+from swimbladder.errors import check_counts
 from swimbladder.io.answers import plain
 from swimbladder.io.files import check_place
 from swimbladder.io.progress import Advance, silent
@@ -48,9 +48,7 @@ def reproduce(out: str | Path, *, seed: int = 2023, advance: Advance = silent) -
     NoAnswerError
         The pool procedure does not end; nothing is then written.
     """
-    if seed < 0:
-        what, remedy = "must not be negative", "Give 0 or more"
-        raise InputError(what, field="seed", value=seed, remedy=remedy)
+    check_counts(seed=(seed, 0))
     place = Path(out)
     check_place(place)
     evidence = gather(seed, advance)

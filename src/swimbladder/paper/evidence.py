@@ -22,7 +22,6 @@ from swimbladder.sim.pool import (
     Fit,
     PoolRun,
     average,
-    centred_differences,
     fit_depth,
     fit_speed,
     timed_travel,
@@ -74,7 +73,7 @@ def voltage_steps(vehicle: Vehicle) -> Identified:
 
     def speed(u: float, depth: float) -> Any:
         s = on_bottom(vehicle, time, u, depth, -150e-6)
-        return centred_differences(s.volume / a.piston_area, h)
+        return np.gradient(s.volume / a.piston_area, h)
 
     voltages = [-12.0, -9.0, -6.0, -3.0, 3.0, 6.0, 9.0, 12.0]
     curves = [speed(u, 0.5) for u in voltages]

@@ -65,20 +65,20 @@ _NOTABLE = 1e-3  # a relative difference from which on the tolerance is printed
 
 
 def number(
-    where: str,
-    what: str,
+    ours: float,
+    known: Known | None = None,
     *,
     paper: float,
-    ours: float,
     unit: str,
     within: float,
-    known: Known | None = None,
     digits: int = 4,
     why: str = "",
+    **place: Any,
 ) -> Finding:
     """Return the comparison of two numbers; `within` is relative to the paper's.
 
-    known: what accounts for a difference beyond that. why: a remark where they agree.
+    known: what accounts for a difference beyond that. why: a remark where they agree. place: where
+    and what of a `Finding`.
     """
     relative = (ours - paper) / abs(paper) if paper else math.inf
     agrees = abs(relative) <= within
@@ -91,8 +91,7 @@ def number(
     if agrees and abs(relative) > _NOTABLE:
         why = f"{why} Within {100.0 * within:.2g} % counts as agreement.".strip()
     return Finding(
-        where=where,
-        what=what,
+        **place,
         paper=f"{paper:.{max(digits, 6)}g} {unit}".strip(),
         ours=f"{ours:.{digits}g} {unit}".strip(),
         difference=_percent(relative),
@@ -105,34 +104,17 @@ def number(
 
 
 def claim(
-    where: str,
-    what: str,
-    *,
-    paper: str,
-    ours: str,
-    holds: bool,
-    why: str = "",
-    accounted_for: bool = False,
-    value: float | None = None,
-    unit: str = "",
+    holds: bool, value: float | None = None, *, accounted_for: bool = False, **said: Any
 ) -> Finding:
     """Return the comparison of a claim with what was computed.
 
-    why, accounted_for: the reason where it does not hold, and whether the computation bears the
-    reason out. value: the number that decided it.
+    value: the number that decided it. accounted_for: whether the computation bears out the reason
+    why it does not hold. said: what else a `Finding` has.
     """
-    verdict = Verdict.EXPLAINED if why and accounted_for else Verdict.FAILS
-    return Finding(
-        where=where,
-        what=what,
-        paper=paper,
-        ours=ours,
-        difference="none" if holds else "see why",
-        verdict=Verdict.AGREES if holds else verdict,
-        why=why,
-        ours_value=value,
-        unit=unit,
-    )
+    verdict = Verdict.EXPLAINED if said.get("why") and accounted_for else Verdict.FAILS
+    verdict = Verdict.AGREES if holds else verdict
+    difference = "none" if holds else "see why"
+    return Finding(verdict=verdict, difference=difference, ours_value=value, **said)
 
 
 def _percent(relative: float) -> str:
@@ -186,7 +168,7 @@ def compared(
     known = None
     if expected is not None:
         known = Known(why=reason, value=expected, within=near, observed=observed)
-    return number(ours=ours, known=known, **about)
+    return number(ours, known, **about)
 
 
 def judged(
@@ -203,7 +185,7 @@ def judged(
     numbers: those in its texts, beside the value.
     """
     about = _about(name, {"value": value, **numbers})
-    return claim(holds=holds, accounted_for=accounted_for, value=value, **about)
+    return claim(holds, value, accounted_for=accounted_for, **about)
 
 
 def check(number: int, *off: float | tuple[Any, Any], **numbers: object) -> EquationCheck:

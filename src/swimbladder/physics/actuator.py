@@ -126,7 +126,7 @@ def unified(actuator: Actuator, water: Water) -> UnifiedActuator:
         back = None
     elif isinstance(actuator, ElectromechanicalActuator):
         screw = actuator.drive
-        A, alpha, eta = screw.piston_area, screw.transmission_pitch, screw.efficiency
+        A, alpha, eta = screw.piston_area, screw.lead / screw.gear_ratio, screw.efficiency
         k_q = screw_volume_per_angle(A=A, alpha=alpha)
         k_z = screw_load_coefficient(rho=rho, g=g, A=A, alpha=alpha, eta_e=eta)
         k_l, back = 0.0, screw.back_efficiency

@@ -7,7 +7,7 @@ functions say by how much that is wrong.
 import math
 from typing import NamedTuple
 
-from swimbladder.errors import InputError
+from swimbladder.errors import check_number
 from swimbladder.vehicle import Oil, Water
 
 ATMOSPHERIC_PRESSURE = 101325.0  # Pa
@@ -78,10 +78,7 @@ def oil_compression(
     air collapses in the first metres, far from that modulus: `exact` counts it. Raises InputError
     where the depth is negative.
     """
-    if depth < 0.0:
-        what = "the oil's compression is counted from the surface down"
-        remedy = "Give a depth of 0 or more"
-        raise InputError(what, field="depth", value=depth, unit="m", remedy=remedy)
+    check_number(depth, "depth", "m", least=0.0)
     dp = water.specific_weight * depth / n_h
     properties = {"beta": oil.bulk_modulus, "air": oil.trapped_air, "n": polytropic}
     beta_e = effective_bulk_modulus(p=ATMOSPHERIC_PRESSURE + dp / 2.0, **properties)

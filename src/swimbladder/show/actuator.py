@@ -282,18 +282,15 @@ _HEADINGS = ("", "value", "1 sigma", "95 % interval", "unit", "from")
 class ActuatorIdentificationShown(Shown[ActuatorIdentification]):
     """What was found of an actuator: the parameters, each log, the nine of the model.
 
-    seconds: how long the fit took, 0 where not known. With pictures there is steps.png. A
+    seconds: how long the fit took, 0 where not known. steps: whether there is steps.png. A
     vehicle is written where one was given and something of it was identified; else the one of an
     earlier run is taken away.
     """
 
     name = "identify-actuator"
-
-    def __init__(
-        self, found: ActuatorIdentification, *, seconds: float = 0.0, pictures: bool = True
-    ) -> None:
-        super().__init__(found, pictures=False)
-        self.seconds, self.steps = seconds, pictures
+    pictures: bool = False
+    seconds: float = 0.0
+    steps: bool = True
 
     @property
     def title(self) -> str:

@@ -12,13 +12,12 @@ from swimbladder.errors import SwimbladderError
 from swimbladder.estimation.comparison import Comparison
 from swimbladder.estimation.comparison.ahead import Ahead, Horizon
 from swimbladder.estimation.comparison.run import FITTABLE
+from swimbladder.estimation.estimates import Z95
 from swimbladder.io.columns import TAKEN
 from swimbladder.show.estimates import with_std
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, stacked
 from swimbladder.units import format_quantity, shown_unit
-
-_Z95 = 1.959963984540054
 
 
 def draw_ahead(ahead: Ahead) -> Picture:
@@ -41,7 +40,7 @@ def _panel(ahead: Ahead, h: Horizon, panel: Panel) -> None:
     apart = np.flatnonzero(np.diff(h.target[order]) > 1) + 1  # no line over what is not predicted
     label = f"predicted {h.seconds:g} s before"
     for part in np.split(order, apart):
-        middle, half = h.predicted[part], _Z95 * h.std[part]
+        middle, half = h.predicted[part], Z95 * h.std[part]
         panel.band(time[part], middle - half, middle + half, Ink.SKY, "95 % band", alpha=0.35)
         panel.line(time[part], middle, Ink.VERMILION, label, width=1.2)
     panel.line(ahead.record.time, ahead.record.depth, Ink.BLACK, "measured", width=0.9)

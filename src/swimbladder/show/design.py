@@ -11,6 +11,7 @@ from swimbladder.design.experiments import Design
 from swimbladder.design.experiments.conditions import Release
 from swimbladder.design.experiments.result import percent
 from swimbladder.design.plan import Move, plan_file
+from swimbladder.estimation.motion.diagnose import describe
 from swimbladder.show.estimates import row
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled, severity
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
@@ -177,8 +178,6 @@ def comparison(design: Design) -> list[str]:
     )
     said = [f"Against {design.rival}, in {other.time / 60.0:.0f} min: {errors}."]
     if other.psi is not None and design.chosen.psi is not None:
-        from swimbladder.estimation.motion.diagnose import describe
-
         shift = f"psi left out would shift {describe(other.psi.refit)}"
         there, here = (f"at {1e3 * w.psi.rms:.1f} mm" for w in (other, design.chosen) if w.psi)
         said.append(f"There, {shift}, {there} rms; here {here}.")

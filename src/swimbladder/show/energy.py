@@ -214,11 +214,10 @@ class PumpFitShown(Shown[PumpFit]):
     """
 
     name, kind = "pump", "pump fit"
+    vehicle: Vehicle | None = None
 
-    def __init__(self, found: PumpFit, *, vehicle: Vehicle | None = None) -> None:
-        super().__init__(found)
-        self.vehicle = vehicle
-        self.said = list(fit_sentences(found, vehicle))
+    def __post_init__(self) -> None:
+        self.said = list(fit_sentences(self.found, self.vehicle))
 
     @property
     def good(self) -> bool:

@@ -114,10 +114,7 @@ class FaultResultShown(Shown[FaultResult]):
     """
 
     name = "faults"
-
-    def __init__(self, found: FaultResult, *, asked: str = "VEHICLE") -> None:
-        super().__init__(found)
-        self.asked = asked
+    asked: str = "VEHICLE"
 
     def parts(self) -> Iterator[Part]:
         """Give the answer first."""
@@ -172,9 +169,8 @@ def _seconds(value: float) -> str:
 class FlownShown(Shown[Flown]):
     """One mission of a campaign, flown again with its trajectories."""
 
-    def __init__(self, found: Flown) -> None:
-        super().__init__(found)
-        self.name = f"mission-{'h' if found.healthy else ''}{found.mission.number}"
+    def __post_init__(self) -> None:
+        self.name = f"mission-{'h' if self.found.healthy else ''}{self.found.mission.number}"
 
     @property
     def title(self) -> str:

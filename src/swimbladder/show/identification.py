@@ -137,6 +137,8 @@ class IdentificationShown(Shown[Identification]):
     """
 
     name, folder = "identify", "figures/"
+    paper: PaperFits | None = None
+    seconds: float = 0.0
 
     @property
     def title(self) -> str:
@@ -144,12 +146,6 @@ class IdentificationShown(Shown[Identification]):
         found, count = self.found, len(self.found.experiments)
         came = "identified" if found.identified else "not identified"
         return f"{found.result_vehicle.name}: {came} from {count} log{'s' if count > 1 else ''}"
-
-    def __init__(
-        self, found: Identification, *, paper: PaperFits | None = None, seconds: float = 0.0
-    ) -> None:
-        super().__init__(found)
-        self.paper, self.seconds = paper, seconds
 
     def before(self, out: Path) -> list[Path]:
         """Check that no other vehicle is written over."""
@@ -366,10 +362,7 @@ class DeepIdentificationShown(Shown[DeepIdentification]):
     """
 
     name, kind = "deep", "deep dives"
-
-    def __init__(self, found: DeepIdentification, *, notes: Sequence[str] = ()) -> None:
-        super().__init__(found)
-        self.notes = notes
+    notes: Sequence[str] = ()
 
     def before(self, out: Path) -> list[Path]:
         """Check that no other vehicle is written over."""

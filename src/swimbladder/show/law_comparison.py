@@ -282,5 +282,6 @@ class LawComparisonShown(Shown[LawComparison]):
         for row in self.found.rows:
             flown = self.found.vehicle.model_copy(update={"controller": row.who.controller()})
             head = f"As flown by swimbladder compare-laws: {row.who.name}."
-            files[f"vehicles/{row.who.slug}.toml"] = vehicle_file(flown, head=head)
+            slug = row.who.name.replace(", ", "-").replace("'", "").replace(" ", "-")
+            files[f"vehicles/{slug}.toml"] = vehicle_file(flown, head=head)
         return files

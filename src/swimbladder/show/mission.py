@@ -1,11 +1,10 @@
 """A mission as it is shown: depth, volume, power by consumer, battery."""
 
 import datetime
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import partial
 from itertools import cycle, product
 from textwrap import fill
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -175,18 +174,8 @@ class MissionResultShown(Shown[MissionResult]):
     """
 
     name = "mission"
-
-    def __init__(
-        self,
-        found: MissionResult,
-        *,
-        begin: datetime.datetime | None = None,
-        cast: Cast | None = None,
-        pictures: bool = True,
-        more: Mapping[str, object] = MappingProxyType({}),
-    ) -> None:
-        super().__init__(found, pictures=pictures, more=more)
-        self.begin, self.cast = begin, cast
+    begin: datetime.datetime | None = None
+    cast: Cast | None = None
 
     def parts(self) -> Iterator[Part]:
         """Give the answer first."""

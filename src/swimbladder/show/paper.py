@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of, stacked
 from swimbladder.sim.closed_loop import Solution
-from swimbladder.sim.pool import Experiment, Fit, PoolRun, centred_differences, response
+from swimbladder.sim.pool import Experiment, Fit, PoolRun, response
 
 _SIZES = (Ink.BLUE, Ink.GREEN, Ink.ORANGE, Ink.PURPLE)  # one for each change of volume
 _MARKS = ("o", "s", "^", "D")
@@ -43,7 +45,7 @@ def draw_speeds(experiments: Sequence[Experiment], fit: Fit) -> Picture:
     picture, panels = _rising_and_sinking("speed, positive down [m/s]")
     for e in experiments:
         r = e.record
-        speed = centred_differences(r.depth, float(r.time[1] - r.time[0]))
+        speed = np.gradient(r.depth, float(r.time[1] - r.time[0]))
         model = response(r.time, r.volume, K2=fit.K2, T2=fit.T2)[1]
         _draw_one(e, experiments, panels, speed, model)
     return picture

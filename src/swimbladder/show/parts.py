@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar, dataclass_transform
 
 from swimbladder.errors import NoAnswerError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
     from swimbladder.show.picture import Picture
 
 
@@ -85,10 +82,18 @@ def written_by(path: Path, head: str) -> bool:
 
 Part = str | Labelled | Table | Drawn
 A = TypeVar("A")
-_NONE: Mapping[str, object] = MappingProxyType({})
 
 
-class Shown(Generic[A]):
+@dataclass_transform(kw_only_default=True, field_specifiers=(field,))
+class _Record:
+    """What makes its kinds dataclasses, their fields keywords."""
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        dataclass(eq=False, repr=False, kw_only=True)(cls)
+
+
+class Shown(_Record, Generic[A]):
     """An answer as it is shown: its parts, the most important first, and its files.
 
     name: of its JSON file; kind: what it is, in words, where not that; pictures: whether the
@@ -96,15 +101,14 @@ class Shown(Generic[A]):
     of more files, by name.
     """
 
+    found: A = field(kw_only=False)
+    pictures: bool = True
+    more: Mapping[str, object] = field(default_factory=dict)
+
     name = ""
     kind = ""
     folder = ""
     template = "answer.html.j2"
-
-    def __init__(
-        self, found: A, *, pictures: bool = True, more: Mapping[str, object] = _NONE
-    ) -> None:
-        self.found, self.pictures, self.more = found, pictures, more
 
     def parts(self) -> Iterable[Part]:
         """Return what is printed and drawn, the most important first."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -135,19 +134,9 @@ class SolutionShown(Shown[Solution]):
     """
 
     name, kind = "simulate", "simulation"
-
-    def __init__(
-        self,
-        found: Solution,
-        *,
-        task: Mission | None = None,
-        water: Column | None = None,
-        notes: Sequence[Labelled] = (),
-        pictures: bool = True,
-        more: Mapping[str, object] = MappingProxyType({}),
-    ) -> None:
-        super().__init__(found, pictures=pictures, more=more)
-        self.task, self.water, self.notes = task, water, notes
+    task: Mission | None = None
+    water: Column | None = None
+    notes: Sequence[Labelled] = ()
 
     @property
     def good(self) -> bool:

@@ -296,11 +296,6 @@ def _mode(pole: complex, v: Array, h: float) -> NDArray[np.complex128]:
     return np.asarray(lfilter([1.0], [1.0, -cmath.exp(x)], driven), np.complex128)
 
 
-def centred_differences(values: ArrayLike, step: float) -> Array:
-    """Return the rate of change [1/s] of samples `step` [s] apart, one-sided at either end."""
-    return np.asarray(np.gradient(np.asarray(values, float), step))
-
-
 def fit_depth(record: Record, *, psi: float = 0.0) -> Fit:
     """Return K2 and T2 of eq. (27), V to z, by least squares; of eq. (32) with psi [m3/m] given."""
     return fit_jointly([record], psi=psi)
@@ -319,7 +314,7 @@ def fit_jointly(records: Sequence[Record], *, psi: float = 0.0) -> Fit:
 
 def fit_speed(record: Record) -> Fit:
     """Return K2 and T2 of eq. (26), V to dz/dt, to the centred differences of the depth."""
-    speed = centred_differences(record.depth, float(record.time[1] - record.time[0]))
+    speed = np.gradient(record.depth, float(record.time[1] - record.time[0]))
 
     def residual(K2: float, T2: float) -> Array:
         return response(record.time, record.volume, K2=K2, T2=T2)[1] - speed

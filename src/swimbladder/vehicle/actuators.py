@@ -149,11 +149,6 @@ class ScrewDrive(Parameters):
     viscous_friction: Annotated[float, Unit("N m s/rad"), Field(ge=0.0)] = 0.0
     """of the transmission, at the motor shaft"""
 
-    @property
-    def transmission_pitch(self) -> float:
-        """Travel of the piston per turn of the motor, alpha [m/rev]."""
-        return self.lead / self.gear_ratio
-
 
 class ElectrohydraulicActuator(Parameters):
     """Motor and hydraulic drive from datasheets (column a of Table 1)."""

@@ -65,7 +65,9 @@ def force(vehicle, column, depth, volume, added, density, emerged=0.0):
 @pytest.mark.parametrize("volume", [0.0, 1e-4])
 def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, volume):
     target = Target(neutral_depth=500.0, neutral_volume=volume)
-    found = ballast_in(vehicle, [SEA], target=target, uncertainty=KNOWN, density=density, draws=1)
+    found = ballast_in(
+        vehicle, [SEA], target=target, uncertainty=KNOWN, material=(density, ""), draws=1
+    )
     assert force(vehicle, SEA, 500.0, volume, found.added, density) == pytest.approx(0.0, abs=1e-6)
     # and so says the vehicle that is written for the other commands
     made = neutral_volume(found.vehicle, SEA)
@@ -75,7 +77,7 @@ def test_what_is_added_makes_it_neutral_where_it_is_wished(vehicle, density, vol
 def test_what_stands_outside_displaces_and_has_to_be_heavier():
     target = Target(neutral_depth=500.0)
     known = {"target": target, "uncertainty": KNOWN, "draws": 1}
-    inside = ballast_in(FLOAT, [SEA], density=float("inf"), **known)
+    inside = ballast_in(FLOAT, [SEA], material=(float("inf"), "inside"), **known)
     lead = ballast_in(FLOAT, [SEA], **known)
     rho = float(np.interp(500.0, SEA.depth, SEA.density))
     assert lead.added / inside.added == pytest.approx(1.0 / (1.0 - rho / LEAD), rel=1e-9)
@@ -300,7 +302,7 @@ def test_what_is_not_known_by_default_and_as_identified():
         ({"target": Target(probability=1.0)}, "probability"),
         ({"target": Target(probability=0.0095)}, "probability"),
         ({"target": Target(speed=10.0)}, "no speed"),
-        ({"density": 1000.0}, "not denser than the water"),
+        ({"material": (1000.0, "water")}, "not denser than the water"),
     ],
 )
 def test_wishes_that_make_no_sense_are_refused(options, words):
@@ -325,7 +327,7 @@ def test_a_mass_that_nothing_has():
             target=Target(neutral_depth=5.0, neutral_volume=-0.04),
             uncertainty=KNOWN,
             draws=1,
-            density=float("inf"),
+            material=(float("inf"), "inside"),
         )
 
 

@@ -150,8 +150,8 @@ def test_a_law_that_cannot_be_tuned_is_left_out_with_the_reason(monkeypatch):
     ("given", "words"),
     [
         ({"laws": ["pid"]}, "no such law"),
-        ({"runs": 1}, "too few runs"),
-        ({"seed": -1}, "0 or more"),
+        ({"runs": 1}, "whole number of at least 2"),
+        ({"seed": -1}, "of at least 0"),
         ({"depth_range": (3.0, 1.0)}, "no range of depths"),
     ],
 )

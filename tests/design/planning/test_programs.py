@@ -176,7 +176,7 @@ def test_the_least_energy_of_a_leaky_vehicle_out_of_trim():
 
 def test_on_a_side_that_is_given_the_motor_drives_no_volume_to_the_other():
     """What leaks is not driven: a volume that falls by the leakage alone is on either side."""
-    task = task_of(leaky(friction=2e-3, efficiency=0.7), 2.0, 3.2, sample_time=0.4)
+    task = task_of(leaky(friction=2e-3, efficiency=0.7), (2.0, 3.2), sample_time=0.4)
     found = search_least(task, rest=True)
     n = 2 * found.rest
     speed = np.interp(
@@ -194,7 +194,7 @@ def test_on_a_side_that_is_given_the_motor_drives_no_volume_to_the_other():
 
 def test_no_turn_of_a_single_sample_betters_a_plan_of_least_energy():
     """Nor is it by less than a hundredth that turning them over made it better."""
-    task = task_of(EM, 1.0, 2.5, sample_time=0.5)
+    task = task_of(EM, (1.0, 2.5), sample_time=0.5)
     n = 76
 
     def program(steps, near):
@@ -225,7 +225,7 @@ def test_a_plan_in_turbulent_drag_settles_and_arrives():
 
 def test_rounds_that_go_to_and_fro_settle_on_a_leash_only(monkeypatch):
     """A program whose answer lies as far beyond the optimum as its course lies before it."""
-    task = task_of(load_vehicle("example-eh"), 10.0, 20.0, sample_time=0.5)
+    task = task_of(load_vehicle("example-eh"), (10.0, 20.0), sample_time=0.5)
     n = 20
     optimum = 0.1 * np.sin(np.linspace(0.0, np.pi, n + 1))
     about = []

@@ -289,7 +289,7 @@ def test_the_bound_on_what_was_never_seen_is_the_rule_of_three():
     ("vehicle", "options", "said"),
     [
         (FEUP.model_copy(update={"controller": None}), {}, "has no controller"),
-        (FEUP, {"missions": 0}, "from 1 to 10 million"),
+        (FEUP, {"missions": 0}, "from 1 to 10,000,000"),
         (FEUP, {"depth_range": (5.0, 2.0)}, "depths that grow"),
         (FEUP, {"depth_range": (5.0, 5.0)}, "depths that grow"),
         (FEUP, {"depth_range": (5.0, 95.0)}, "turns the vehicle round"),

@@ -118,7 +118,7 @@ def test_a_row_has_what_was_drawn(flown, well):
     ],
 )
 def test_from_one_mission_to_ten_million(counts, said):
-    with pytest.raises(InputError, match=rf"{said}: .* from 1 to 10 million"):
+    with pytest.raises(InputError, match=rf"{said}: .* from 1 to 10,000,000"):
         faults(usual(FEUP), **counts)
 
 

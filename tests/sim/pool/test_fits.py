@@ -139,12 +139,6 @@ def test_the_speed_fit_finds_it_too_as_differences_get_finer():
     assert math.log2(errors[0] / errors[2]) > 1.5
 
 
-def test_centred_differences_are_exact_for_a_parabola():
-    t = np.arange(10) * 0.3
-    speed = pool.centred_differences(2.0 * t**2 - t, 0.3)
-    assert speed[1:-1] == pytest.approx((4.0 * t - 1.0)[1:-1], abs=1e-12)
-
-
 def test_average_is_the_mean_of_each():
     fits = [pool.Fit(1.0, 10.0, 0.1), pool.Fit(3.0, 30.0, 0.3)]
     assert pool.average(fits) == pytest.approx(pool.Fit(2.0, 20.0, 0.2))

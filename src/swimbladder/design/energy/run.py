@@ -33,13 +33,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.design.energy.fit import PumpFit, voltage_factor
 from swimbladder.errors import check_number
-from swimbladder.io.answers import Answer, as_json, attributes, plain
+from swimbladder.io.answers import Answer, as_json, attributes
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import DriveMap, drive_map, oil_note, steady_point
 from swimbladder.physics.dynamics import drag_force
@@ -49,11 +50,6 @@ from swimbladder.physics.seawater.cast_unit import above_rating, check_cast_unit
 from swimbladder.physics.steady_drives import SteadyPoint
 from swimbladder.units import in_unit, read_numbers, rounded
 from swimbladder.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from swimbladder.physics.seawater import Cast
-    from swimbladder.vehicle import Vehicle
-
 
 SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
 _DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep
@@ -299,7 +295,7 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
     up = up[-1] - up[::-1]  # from each depth to the surface
     turn = (rising - sinking) * out
     surface = (rising[0] - sinking[0]) * into[0]
-    held = 2.0 * _summed(rest, z) / speed
+    held = 2.0 * cumulative_trapezoid(rest, z, initial=0) / speed
     engine = np.where(np.isfinite(turn), down + turn + up + surface + held, np.nan)
     highest = np.maximum.accumulate(np.maximum(rising, sinking))
     lowest = np.minimum.accumulate(np.minimum(rising, sinking))
@@ -314,7 +310,7 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
             thruster.power(drag + way * lift, density[: k + 1], speed)
             for drag, way in ((force, 1.0), (back, -1.0))
         )
-        return float(_summed(down + up, z[: k + 1])[-1] / speed)
+        return float(np.trapezoid(down + up, z[: k + 1]) / speed)
 
     pushed = np.array([pushing(k) for k in range(z.size)])
     reached = z[: np.argmin(fits)].max(initial=-math.inf)  # before the first that does not fit
@@ -327,11 +323,6 @@ def profiling(found: DriveEnergy, thruster: Thruster, *, speed: float) -> Profil
         stroke_depth=math.inf if fits.all() else float(reached),
         break_even=_crossing(z, engine, pushed),
     )
-
-
-def _summed(values: Array, z: Array) -> Array:
-    """Return the integral over depth down to each depth, by trapezia."""
-    return np.concatenate(([0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(z))))
 
 
 def _along(volume: Array, out: Array, into: Array) -> Array:
@@ -358,6 +349,7 @@ def _crossing(z: Array, engine: Array, thruster: Array) -> float:
 
 
 _ROWS = 201  # depths in tables, at most
+_DRIVE = "vehicle=vehicle.name actuator=vehicle.actuator.kind stall_depth_m stall_pressure_Pa=stall"
 _HOVERING = "thrust_N thruster_power_W engine_energy_J engine_power_W break_even_s"
 
 
@@ -388,7 +380,23 @@ class Energy(Answer):
     @property
     def assumptions(self) -> tuple[str, ...]:
         """What is taken for granted."""
-        return assumptions(self.drive, self.thruster)
+        thruster, usual, assumed = self.thruster, Thruster(), ""
+        stated = ("diameter", "efficiency", "idle_power")
+        if any(getattr(thruster, name) == getattr(usual, name) for name in stated):
+            assumed = (
+                "; if not said, 76 mm, 35 % and no idle power, after the maker's curves of a T200"
+            )
+        said = [
+            f"the water: {self.drive.column.source}, {self.drive.column.deepest:g} m deep",
+            f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
+            f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an "
+            f"ideal disc's efficiency and {thruster.idle_power:g} W of idle power each "
+            f"(`diameter=`, `efficiency=`, `number=`, `idle_power=`{assumed})",
+            "steady speeds at full voltage; processor, sensors and driver's standby not counted",
+            oil_note(self.vehicle),
+            *self.drive.column.report,
+        ]
+        return tuple(line for line in said if line is not None)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns of energy.csv: a row per depth."""
@@ -398,35 +406,27 @@ class Energy(Answer):
         """Return the numbers of the answer, SI units, every depth of the tables."""
         found, hover, dive = self.drive, self.hover, self.dive
         rows = spread_indices(found.column.depth.size, _ROWS)
-        numbers: dict[str, Any] = plain(
-            {
-                "vehicle": found.vehicle.name,
-                "actuator": found.vehicle.actuator.kind,
-                "stall_depth_m": found.stall_depth,
-                "stall_pressure_Pa": found.stall,
-                "depths": depth_columns(found, hover),
-                "efficiency_map": {
-                    "voltage_share": found.shares,
-                    "depth_m": found.column.depth[rows],
-                    "efficiency": found.efficiencies[:, rows],
-                },
-                "hovering": {
-                    "depth_m": found.column.deepest,
-                    "weight_error_m3": hover.weight_error,
-                    **{key: values[-1] for key, values in attributes(hover, _HOVERING).items()},
-                },
-                "profiling": {
-                    "speed_m_s": dive.speed,
-                    **dive_columns(dive),
-                    "stroke_depth_m": dive.stroke_depth,
-                    "break_even_m": dive.break_even,
-                },
-                "thruster": as_json(self.thruster, "diameter_m efficiency number idle_power_W"),
-                "sentences": self.sentences,
-                "assumptions": self.assumptions,
-            }
-        )
-        return numbers
+        return {
+            **attributes(found, _DRIVE),
+            "depths": depth_columns(found, hover),
+            "efficiency_map": {
+                "voltage_share": found.shares,
+                "depth_m": found.column.depth[rows],
+                "efficiency": found.efficiencies[:, rows],
+            },
+            "hovering": {
+                "depth_m": found.column.deepest,
+                "weight_error_m3": hover.weight_error,
+                **{key: values[-1] for key, values in attributes(hover, _HOVERING).items()},
+            },
+            "profiling": {
+                "speed_m_s": dive.speed,
+                **dive_columns(dive),
+                **attributes(dive, "stroke_depth_m break_even_m"),
+            },
+            "thruster": as_json(self.thruster, "diameter_m efficiency number idle_power_W"),
+            **attributes(self, "sentences assumptions"),
+        }
 
 
 def energy(
@@ -552,25 +552,6 @@ def versus_sentences(hover: Hovering, dive: Profiling, found: DriveEnergy) -> It
         yield "The thruster takes less on dives to any depth down to there."
     else:
         yield f"The engine takes less on dives to {rounded(dive.break_even, 3)} m or deeper."
-
-
-def assumptions(found: DriveEnergy, thruster: Thruster) -> tuple[str, ...]:
-    """Return what the answers rest on."""
-    usual, assumed = Thruster(), ""  # of a thruster with any number that nobody stated
-    stated = ("diameter", "efficiency", "idle_power")
-    if any(getattr(thruster, name) == getattr(usual, name) for name in stated):
-        assumed = "; if not said, 76 mm, 35 % and no idle power, after the maker's curves of a T200"
-    said = [
-        f"the water: {found.column.source}, {found.column.deepest:g} m deep",
-        f"{thruster.number} thruster{'s' if thruster.number > 1 else ''} of "
-        f"{thruster.diameter * 1e3:.3g} mm with {100.0 * thruster.efficiency:.0f} % of an ideal "
-        f"disc's efficiency and {thruster.idle_power:g} W of idle power each (`diameter=`, "
-        f"`efficiency=`, `number=`, `idle_power=`{assumed})",
-        "steady speeds at full voltage; processor, sensors and driver's standby not counted",
-        oil_note(found.vehicle),
-        *found.column.report,
-    ]
-    return tuple(line for line in said if line is not None)
 
 
 def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]:

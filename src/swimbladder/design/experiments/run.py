@@ -165,10 +165,8 @@ def design_experiment(
         _check(s, depth_noise)
         advance(0.05)
         limits = ramps(vehicle, s)
-        if uncertainty is not None and not 0.0 <= uncertainty <= 1.0:
-            what = "it must be between 0 and 100 %"
-            remedy = "Give the share by which the vehicle may be off, like 30%"
-            raise InputError(what, field="uncertainty", value=uncertainty, remedy=remedy)
+        remedy = "Give the share by which the vehicle may be off, like 30%"
+        check_number(uncertainty, "uncertainty", least=0.0, most=1.0, remedy=remedy)
         c = Conditions(question, s, limits)
         others = vehicles(question, covariance_of(question, vehicle, uncertainty))
         judged = criterion_of(criterion, question.names)
@@ -252,13 +250,13 @@ def _check(s: Setting, depth_noise: float | None) -> None:
     check_number(s.noise, "depth_noise", "m", least=0.0)
     check_number(s.quantum, "depth_quantum", "m", least=0.0)
     check_number(s.sample_time, "sample_time", "s", above=0.0)
-    check_number(s.neutral_std, "neutral_std", "m3", above=0.0, finite=False)
+    check_number(s.neutral_std, "neutral_std", "m3", above=0.0, most=math.inf)
     check_number(s.drift_std, "drift_std", "m3/s", least=0.0)
     check_number(s.delay_std, "delay_std", "s", least=0.0)
     check_number(s.clearance, "clearance", "m", above=0.0)
     check_number(s.rest, "rest", "s", least=0.0)
     check_number(s.longest, "max_record_time", "s", above=FEWEST * s.sample_time)
-    check_number(s.largest, "max_volume_change", "m3", above=0.0, finite=False)
+    check_number(s.largest, "max_volume_change", "m3", above=0.0, most=math.inf)
     check_number(s.moves, "max_moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
         ends = f"{s.clearance:g} m from surface and bottom"

@@ -217,11 +217,6 @@ class Contender:
         """What a row is called."""
         return f"{self.law.name}, {self.tuning}"
 
-    @property
-    def slug(self) -> str:
-        """What a file is called."""
-        return self.name.replace(", ", "-").replace("'", "").replace(" ", "-")
-
     def controller(self) -> Controller:
         """Return it as a vehicle's [controller]."""
         return controller_of(self.law, self.parameters, sample_time=self.sample_time)

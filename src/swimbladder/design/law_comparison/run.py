@@ -13,7 +13,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,7 +37,7 @@ from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import trial
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.trial import ALONE, BOARD, SUPERVISED, Drawn, Trial, summarise
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError, check_number
+from swimbladder.errors import NoAnswerError, SwimbladderError, check_counts
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
@@ -235,10 +235,6 @@ class LawComparison(Answer):
             said.append(text + ".")
         return tuple(said)
 
-    def assuming(self, words: str) -> LawComparison:
-        """Return it with one more thing that was assumed, in words."""
-        return replace(self, assumptions=(*self.assumptions, words))
-
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON."""
         return {
@@ -410,10 +406,7 @@ def compare_laws(
     NoAnswerError
         No controller is left to fly, or the vehicle does not reach the depths.
     """
-    if runs < _FEWEST:
-        remedy = f"Give {_FEWEST} or more"
-        raise InputError("too few runs", field="runs", value=runs, remedy=remedy)
-    check_number(seed, "seed", least=0.0)
+    check_counts(runs=(runs, _FEWEST), seed=(seed, 0))
     everyone = contenders.own(vehicle)
     names, not_compared = contenders.choose_laws(vehicle, laws)
     where = contenders.places(vehicle, depth_range, supervised=supervised)

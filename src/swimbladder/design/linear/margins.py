@@ -23,6 +23,7 @@ from swimbladder.physics.arrays import Array
 
 Complex = NDArray[np.complex128]
 
+_TURN = 0.05  # rad, between two points of a frequency response
 _NEAR = 1e-3  # how far from the circle rounding may carry an eigenvalue of a cluster
 _MAXIMA, _FLAT = 5, 1e-13  # maxima of a grid that are refined, until a peak is known to so much
 _ROUNDS, _PARTS = 20, np.linspace(0.0, 1.0, 9)
@@ -147,10 +148,10 @@ def equivalent_poles(poles: NDArray[Any], h: float) -> Complex:
     return np.where(tiny, -np.inf, np.log(np.where(tiny, 1.0, z)) / h)
 
 
-def frequency_response(loop: StateSpace, *, step: float = 0.05) -> tuple[Array, Complex]:
+def frequency_response(loop: StateSpace) -> tuple[Array, Complex]:
     """Return frequencies [rad/s] up to the Nyquist frequency and L there, one input, one output.
 
-    The grid is refined until L turns by less than `step` [rad] and grows by less than that factor
+    The grid is refined until L turns by less than 0.05 rad and grows by less than that factor
     from point to point; between any two crossings of the real axis or the unit circle there is one.
     """
     h = _sample_time(loop)
@@ -172,7 +173,7 @@ def frequency_response(loop: StateSpace, *, step: float = 0.05) -> tuple[Array, 
     for _ in range(20):
         with np.errstate(divide="ignore", invalid="ignore"):
             change = np.log(values[1:] / values[:-1])
-        coarse = ~(np.abs(change) < step) & (np.diff(w) > 1e-9 * w[1:])
+        coarse = ~(np.abs(change) < _TURN) & (np.diff(w) > 1e-9 * w[1:])
         if not coarse.any() or len(w) > 20_000:
             break
         new = np.sqrt(w[:-1] * w[1:])[coarse]

@@ -39,7 +39,7 @@ from swimbladder.design.planning.task import (
     winding,
 )
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.io.answers import Answer, as_json
+from swimbladder.io.answers import Answer, as_json, attributes
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import winding as winding_of
@@ -261,7 +261,7 @@ def least_time(
     `sample_time` [s], as the model has the vehicle. Raises InputError and NoAnswerError as
     `task_of` does; NoAnswerError beyond 4000 samples.
     """
-    task = task_of(vehicle, start, target, **limits)
+    task = task_of(vehicle, (start, target), **limits)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
         return search_least(task, rest=rest).least
 
@@ -404,8 +404,9 @@ class Plan(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return the answer in SI units."""
         return {
-            "vehicle": self.task.vehicle.name,
-            **as_json(self.task, "start_m target_m sample_time_s band_m margin"),
+            **as_json(
+                self.task, "vehicle=vehicle.name start_m target_m sample_time_s band_m margin"
+            ),
             **as_json(self.least, "least_time_s=time short_a_sample_sooner=short"),
             **as_json(self, _ANSWER),
             "duration_s": float(self.time[-1]),
@@ -413,13 +414,8 @@ class Plan(Answer):
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of a log of the plan."""
-        return {
-            "time_s": self.time,
-            "depth_m": self.depth,
-            "speed_m_s": self.speed,
-            "volume_m3": self.volume,
-            "reference_volume_m3" if self.task.plant.positioner else "voltage_V": self.command,
-        }
+        command = "reference_volume_m3" if self.task.plant.positioner else "voltage_V"
+        return attributes(self, f"time_s depth_m speed_m_s volume_m3 {command}=command")
 
 
 def _limits(task: Task) -> str:
@@ -485,7 +481,7 @@ def plan(
         It cannot be done, with the limit in the way; or the energy of the motor is not known.
     """
     arrive = _check(goal, arrive, duration)
-    task = task_of(vehicle, *step, **limits)
+    task = task_of(vehicle, step, **limits)
     if goal == "energy":
         winding(task)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
@@ -533,8 +529,7 @@ def _check(goal: str, arrive: str | None, duration: float | None) -> str:
     if arrive == "band":
         what = f"the goal {goal} is for plans that end at rest"
         raise InputError(what, field="arrive", value=arrive, remedy="Leave it out")
-    if duration is not None:
-        check_number(duration, "duration", "s", above=0.0)
+    check_number(duration, "duration", "s", above=0.0)
     return "rest"
 
 

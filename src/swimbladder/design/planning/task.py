@@ -110,7 +110,7 @@ def drag_along(p: Plant, w: Array) -> tuple[Array, Array]:
 
 
 class Limits(TypedDict, total=False):
-    """What `task_of` takes beside the vehicle and the two depths."""
+    """What `task_of` takes beside the vehicle and the step."""
 
     sample_time: float | None
     supply: float | None
@@ -156,8 +156,7 @@ class Task:
 
 def task_of(
     vehicle: Vehicle,
-    start: float,
-    target: float,
+    step: tuple[float, float],
     *,
     sample_time: float | None = None,
     supply: float | None = None,
@@ -168,25 +167,21 @@ def task_of(
 ) -> Task:
     """Return the task, checked.
 
-    start, target [m]. sample_time [s] and supply [V]: the vehicle's where not given. band [-]: of
-    the step, to either side of the target. feedback_reserve [-]: share of supply (a
-    positioner: of its speed) and stroke left for feedback. max_speed [m/s]. bottom_depth [m].
+    step: depths of start and target [m]. sample_time [s] and supply [V]: the vehicle's where not
+    given. band [-]: of the step, to either side of the target. feedback_reserve [-]: share of
+    supply (a positioner: of its speed) and stroke left for feedback. max_speed [m/s].
+    bottom_depth [m].
 
     Raises InputError for what cannot be meant; NoAnswerError where stroke or supply do not hold
     the vehicle at one of the two depths.
     """
-    sample_time = vehicle.sampled_every(sample_time)
+    sample_time, (start, target) = vehicle.sampled_every(sample_time), step
     if vehicle.controller is not None:
         own_law(vehicle)
-    if max_speed is not None:
-        check_number(max_speed, "max_speed", "m/s", above=0.0)
-    for name, share, fits, least in (
-        ("band", band, 0.0 < band < 1.0, "more than 0"),
-        ("feedback_reserve", feedback_reserve, 0.0 <= feedback_reserve < 1.0, "0 or more"),
-    ):
-        if not fits:
-            what, remedy = f"must be {least}, and less than the whole", 'Write it like "5 %"'
-            raise InputError(what, field=name, value=100.0 * share, unit="%", remedy=remedy)
+    check_number(max_speed, "max_speed", "m/s", above=0.0)
+    share = 'Write it like "5 %"'
+    check_number(band, "band", above=0.0, below=1.0, remedy=share)
+    check_number(feedback_reserve, "feedback_reserve", least=0.0, below=1.0, remedy=share)
     if supply is not None:
         if vehicle.supply is None:
             what = "the vehicle's actuator takes a volume, not a voltage"

@@ -46,6 +46,7 @@ from swimbladder.vehicle.schema import no_such
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
 _SHARE = 0.5  # of the volume that is free to either side of neutral
 _ALIKE = 1.25  # factor between two changes of volume that count as the same
+_CLEARANCE = 0.75  # m, Delta_z, of the depths of rest from bottom and surface
 _MARGIN = 0.05  # m, of surface and bottom that counts as arrived
 
 
@@ -87,18 +88,15 @@ class Task(NamedTuple):
         return f"{first}; {then}"
 
 
-def paper_tasks(
-    vehicle: Vehicle, *, bottom_depth: float | None, clearance: float = 0.75
-) -> tuple[Task, ...]:
+def paper_tasks(vehicle: Vehicle, *, bottom_depth: float | None) -> tuple[Task, ...]:
     """Return the paper's eight experiments, smaller where the stroke is too short for them.
 
-    bottom_depth [m], None where it is not known; clearance: Delta_z [m], of the depths of rest from
-    bottom and surface.
+    bottom_depth [m], None where it is not known.
     """
     top = vehicle.hull.emergence_depth
     deep, shallow, end = None, None, math.inf
     if bottom_depth is not None:
-        clearance = min(clearance, (bottom_depth - top) / 4.0)
+        clearance = min(_CLEARANCE, (bottom_depth - top) / 4.0)
         deep, shallow, end = bottom_depth - clearance, top + clearance, bottom_depth - _MARGIN
     stroke = vehicle.stroke
     most, least = (vehicle.neutral_volume(top if z is None else z) for z in (deep, shallow))
@@ -507,7 +505,7 @@ class PoolDay(Answer):
             "mode": self.mode,
             **as_json(self.verdict, _VERDICT),
             "next": self.advice,
-            "targets": [t._asdict() for t in self.asked.targets],
+            "targets": self.asked.targets,
             **{name: found[name] for name in ("parameters", "findings", "assumptions")},
             "experiments": [
                 {**k.to_dict(), "neutral_error": e["neutral_error"], "rms_m": e["rms_m"]}
@@ -585,9 +583,10 @@ def asked_of(
 
 
 def _targets(given: float | Sequence[Target] | None, names: Sequence[str]) -> tuple[Target, ...]:
+    how = "Give a standard deviation, or a share like 2 %"
     if given is None or isinstance(given, float | int):
         share = _STD if given is None else given
-        _check_share("target_std", share)
+        check_number(share, "target_std", above=0.0, below=1.0, remedy=how)
         main = [name for name in ("K2", "T2", "mass") if name in names]
         if "mass" in main or not main:
             main = [name for name in names if name != "psi"]
@@ -595,14 +594,6 @@ def _targets(given: float | Sequence[Target] | None, names: Sequence[str]) -> tu
     for one in given:
         if one.name not in names:
             raise no_such("it is not identified", one.name, names, field="target_std")
-        if one.relative:
-            _check_share("target_std", one.std)
-        unit, remedy = NAMES[one.name].unit, "Give a standard deviation, or a share like 2 %"
-        check_number(one.std, "target_std", unit, above=0.0, finite=False, remedy=remedy)
+        unit, below = ("", 1.0) if one.relative else (NAMES[one.name].unit, None)
+        check_number(one.std, "target_std", unit, above=0.0, below=below, most=math.inf, remedy=how)
     return tuple(given)
-
-
-def _check_share(field: str, share: float) -> None:
-    if not 0.0 < share < 1.0:
-        what = "it must be a share above 0 and below 1"
-        raise InputError(what, field=field, value=share, remedy="Write it like 2 %")

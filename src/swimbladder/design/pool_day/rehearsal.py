@@ -395,17 +395,10 @@ _BURST = 1.0  # s of a rehearsal's clock between two reads
 
 def check_waiting(*, timeout: float | None = None, real_time_factor: float | None = None) -> None:
     """Raise InputError for a time or a factor with which nothing comes; None: any."""
-    for field, value, unit, remedy in (
-        ("timeout", timeout, "s", "Give a time, or do not wait where a log is finished"),
-        (
-            "real_time_factor",
-            real_time_factor,
-            "",
-            "Give simulated seconds a second, or leave it out",
-        ),
-    ):
-        if value is not None:
-            check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
+    how = "Give a time, or do not wait where a log is finished"
+    check_number(timeout, "timeout", "s", above=0.0, most=math.inf, remedy=how)
+    how = "Give simulated seconds a second, or leave it out"
+    check_number(real_time_factor, "real_time_factor", above=0.0, most=math.inf, remedy=how)
 
 
 def follow(

@@ -34,6 +34,7 @@ from swimbladder.vehicle import Vehicle, Water
 # Bounds of a dive's numbers, as `check_number` takes them.
 _ABOVE, _LEAST, _WATER = {"above": 0.0}, {"least": 0.0}, {"least": -5.0, "most": 60.0}
 _SHARE: dict[str, Any] = {"most": 1.0, "remedy": 'Write a share like "10 %", which is 0.1'}
+_PART = _SHARE | {"below": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +56,7 @@ class Dive:
     speed: float = field(default=0.1, metadata={"unit": "m/s", **_ABOVE})
     turn_time: float = field(default=600.0, metadata={"unit": "s", **_ABOVE})
     trim_std: float = field(default=20e-6, metadata={"unit": "m3", **_LEAST})
-    probability: float = field(default=0.95, metadata=_ABOVE | _SHARE)
+    probability: float = field(default=0.95, metadata=_ABOVE | _PART)
     antenna_volume: float = field(default=0.0, metadata={"unit": "m3", **_LEAST})
     stroke_reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
     cycles: int = field(default=200, metadata=_ABOVE)
@@ -64,7 +65,7 @@ class Dive:
     surface_energy: float = field(default=0.0, metadata={"unit": "J", **_LEAST})
     corrections: float = field(default=0.2, metadata=_LEAST | _SHARE)
     surface_time: float = field(default=900.0, metadata={"unit": "s", **_LEAST})
-    battery_reserve: float = field(default=0.1, metadata=_LEAST | _SHARE)
+    battery_reserve: float = field(default=0.1, metadata=_LEAST | _PART)
     battery_temperature: float | None = field(default=None, metadata={"unit": "degC", **_WATER})
     battery_low: float = field(default=0.8, metadata=_ABOVE | _SHARE)
     stall_reserve: float = field(default=0.25, metadata=_LEAST)
@@ -73,12 +74,7 @@ class Dive:
         read_numbers(self)
         for bounded in fields(self):
             name, value = bounded.name, getattr(self, bounded.name)
-            if value is not None:
-                check_number(value, name, **bounded.metadata)
-        for name in ("battery_reserve", "probability"):
-            if getattr(self, name) == 1.0:
-                what, remedy = "a share below the whole is needed", 'Write a share like "10 %"'
-                raise InputError(what, field=name, value=1.0, remedy=remedy)
+            check_number(value, name, **bounded.metadata)
 
     def to_dict(self) -> dict[str, Any]:
         """Return its numbers, with their units in the names."""

@@ -217,8 +217,8 @@ def _check(body: Vehicle, dive: Dive, max_piston_stroke: float, max_mass: float)
         what = f"the body {body.name!r} is rated for {limit:g} m (hull.depth_limit)"
         remedy = "Ask for less, or size the drive of a body that is rated for it"
         raise InputError(what, field="max_depth", value=dive.max_depth, unit="m", remedy=remedy)
-    check_number(max_piston_stroke, "max_piston_stroke", "m", above=0.0, finite=False)
-    check_number(max_mass, "max_mass", "kg", above=0.0, finite=False)
+    check_number(max_piston_stroke, "max_piston_stroke", "m", above=0.0, most=math.inf)
+    check_number(max_mass, "max_mass", "kg", above=0.0, most=math.inf)
 
 
 def _score(evaluation: Evaluation, goal: Least) -> Array:

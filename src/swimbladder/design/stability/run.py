@@ -42,7 +42,7 @@ from swimbladder.design.tuning import gains, tune
 from swimbladder.design.tuning.margins import at_rest
 from swimbladder.design.tuning.region import region
 from swimbladder.design.tuning.trial import Drawn, Step, usual_step
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_counts, check_number
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store
@@ -342,15 +342,11 @@ def stability(
     """
     depths = depth_range
     gains.check_depths(depths, vehicle.hull.emergence_depth)
-    for field, value, fits, remedy in (
-        ("delay", delay, 0.0 <= delay < 1.0, "Give a share of the sample time, below 1"),
-        ("within", within, within is None or 0.0 < within < 1e6, 'Give a time, like "600 s"'),
-        ("cells", cells, 5 <= cells <= 201, "Give 5 to 201"),
-        ("voltage_quantum", voltage_quantum, 0.0 <= voltage_quantum < 1e3, "Give 0 or more"),
-        ("runs", runs, 20 <= runs <= 100_000, "Give 20 or more"),
-    ):
-        if not fits:
-            raise InputError("out of range", field=field, value=value, remedy=remedy)
+    how = "Give a share of the sample time"
+    check_number(delay, "delay", least=0.0, below=1.0, remedy=how)
+    check_number(within, "within", "s", above=0.0, below=1e6)
+    check_number(voltage_quantum, "voltage_quantum", "V", least=0.0, below=1e3)
+    check_counts(cells=(cells, 5, 201), runs=(runs, 20, 100_000))
     law, numbers = own_law(vehicle, sampled=False)
     if law.command == "volume change" and law.recipe is None:
         what = "it waits for what the vehicle does, and has no speeds and times to be analysed by"

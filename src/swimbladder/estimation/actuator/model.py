@@ -31,7 +31,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import brentq, least_squares
 from scipy.sparse import csr_array
+from scipy.special import erfc
 
 from swimbladder.errors import LogError, NoAnswerError
 from swimbladder.estimation.actuator.bench import IDLE, Bench, Block
@@ -53,17 +55,6 @@ class Drive(NamedTuple):
     rate: float = math.inf  # m/s, no voltage makes it faster
 
 
-def respond(
-    time: Array, voltage: Array, drive: Drive, *, first_speed: float = 0.0
-) -> tuple[Array, Array]:
-    """Return the travel since the first sample [m] and the speed [m/s] at each sample.
-
-    time [s], increasing; voltage [V], each held until the next sample; first_speed [m/s].
-    """
-    travel, speed = _advance(time, voltage, drive, first_speed)
-    return travel, speed
-
-
 def steady_speed(voltage: float, drive: Drive) -> float:
     """Return the speed [m/s] that a voltage [V] reaches when it lasts."""
     over = voltage - drive.load
@@ -75,8 +66,13 @@ def steady_speed(voltage: float, drive: Drive) -> float:
 
 
 @partial(compiled, under="identify_actuator")
-def _advance(time: Array, voltage: Array, drive: Drive, first_speed: float) -> tuple[Array, Array]:
-    """Return travel and speed [n] as `respond` does."""
+def respond(
+    time: Array, voltage: Array, drive: Drive, first_speed: float = 0.0
+) -> tuple[Array, Array]:
+    """Return the travel since the first sample [m] and the speed [m/s] at each sample.
+
+    time [s], increasing; voltage [V], each held until the next sample; first_speed [m/s].
+    """
     d, rate, T1 = drive.dead_zone, drive.rate, drive.T1
     travel, speed = np.zeros(len(time)), np.zeros(len(time))
     x, v = 0.0, first_speed
@@ -231,7 +227,7 @@ class Problem:
             for run, (first, after) in enumerate(bench.runs):
                 u = bench.volts[first:after]
                 begun = steady_speed(float(u[0]), drive) if self.moving[(log, run)] else 0.0
-                found.append(respond(bench.time[first:after], u, drive, first_speed=begun)[0])
+                found.append(respond(bench.time[first:after], u, drive, begun)[0])
         return np.asarray(np.concatenate(found)[self.at])
 
     def residual(self, q: Array) -> Array:
@@ -354,8 +350,6 @@ def first_guess(benches: Sequence[Bench], free: Sequence[str]) -> dict[str, floa
 
 def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]:
     """Return the same from (voltage [V], speed [m/s], samples), the largest voltage being `top`."""
-    from scipy.optimize import least_squares
-
     u, v, n = rows.T
     size = float(np.abs(v).max())
     moving = (np.abs(u) > IDLE * top) & (np.abs(v) > 0.1 * size)
@@ -398,8 +392,6 @@ def robustly(problem: Problem, guess: dict[str, float]) -> Array:
     The time constant is tried over the range that the log resolves; the fit goes on from the best
     two.
     """
-    from scipy.optimize import least_squares
-
     size = tolerance(problem.benches)
     values = {**FIRST, **guess, **problem.fixed}
     least, most = problem.bounds()
@@ -471,9 +463,6 @@ class Spread:
 
     def reach(self, variances: Array) -> float:
         """Return half the width of the 95 % interval of a mixture of normals about one mean."""
-        from scipy.optimize import brentq
-        from scipy.special import erfc
-
         std = np.sqrt(np.maximum(variances, 1e-300))
 
         def beyond(x: float) -> float:
@@ -592,7 +581,6 @@ def pool(values: ArrayLike, stds: ArrayLike) -> Pooled:
     weighted sum of squares what chance would make it, and is zero where that is small already.
     The degrees of freedom are Satterthwaite's, between those of the spread and infinity.
     """
-    from scipy.optimize import brentq
     from scipy.stats import chi2
 
     x, var = np.asarray(values, float), np.asarray(stds, float) ** 2

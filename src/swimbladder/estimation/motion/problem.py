@@ -36,6 +36,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
+from swimbladder.vehicle.schema import no_such
 
 LAWS = ("linear", "quadratic", "blended")
 
@@ -127,9 +128,8 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     drag = vehicle.drag
     wanted = law or drag.law
     if wanted not in LAWS:
-        what, remedy = "this drag law cannot be identified", f"Choose `drag=` {', '.join(LAWS)}"
         field = "drag" if law else "motion.drag.law"
-        raise InputError(what, field=field, value=wanted, remedy=remedy)
+        raise no_such("this drag law cannot be identified", wanted, LAWS, field=field)
     k_b, m = vehicle.water.specific_weight, vehicle.mass
     k_dl = drag.k_dl or drag.k_dt * _TYPICAL_SPEED
     k_dt = drag.k_dt or (k_dl / _TYPICAL_SPEED if wanted == "quadratic" else 0.0)
@@ -571,7 +571,7 @@ def check_parameters(names: Sequence[str], known: Assumed, model: Model, *, volt
             raise InputError(what, field="fixed", value=name, remedy=remedy)
     for name, value in known.fixed.items():
         if NAMES[name].logarithmic:
-            check_number(value, "fixed", NAMES[name].unit, above=0.0, finite=False)
+            check_number(value, "fixed", NAMES[name].unit, above=0.0, most=math.inf)
     for name, prior in known.priors.items():
         if name not in names:
             what = "it has a prior, but is not identified"

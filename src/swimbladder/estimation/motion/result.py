@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,10 @@ from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.kalman.depth_filter import log_likelihood
 from swimbladder.estimation.motion.fit import autoregression, whiteness
+from swimbladder.estimation.motion.posterior import Posterior
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem
+from swimbladder.estimation.motion.process_noise import ProcessNoiseFit
 from swimbladder.io.answers import Answer, as_json, plain
-from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import (
     Between,
@@ -39,10 +40,6 @@ from swimbladder.vehicle import (
     PhysicalMotion,
     Vehicle,
 )
-
-if TYPE_CHECKING:
-    from swimbladder.estimation.motion.posterior import Posterior
-    from swimbladder.estimation.motion.process_noise import ProcessNoiseFit
 
 ProcessNoise = Literal["auto", "always", "never"]
 Psi = Literal["free", "prior", "set", "zero"]
@@ -403,14 +400,11 @@ _WIDE_DRIFT = 2e-6  # 1/s, of the displaced volume
 _WIDE_NOISE = {"depth_noise": 0.3, "random_walk": 1.5, "acceleration_noise": 1.0}
 
 
-def between_logs(
-    records: Sequence[Record], vehicle: Vehicle, *, advance: Advance = silent
-) -> Vehicle:
+def between_logs(records: Sequence[Record], vehicle: Vehicle) -> Vehicle:
     """Return the vehicle with the means over the logs, and how these differ, in its [identified].
 
     vehicle: identified from these logs. Its psi, drag, trim and noise become the means of what the
-    logs have each, and the covariance allows for the few logs that they are from. advance:
-    called with the share of the work done since last called.
+    logs have each, and the covariance allows for the few logs that they are from.
     Raises InputError where there are too few logs, or the vehicle was not identified.
     """
     known = vehicle.identified
@@ -422,10 +416,7 @@ def between_logs(
         raise InputError(what, field="identified", remedy=remedy)
     wide = _wide(vehicle)
     place = places(_COUNT)
-    likelihood = np.empty((len(records), _COUNT))
-    for i, record in enumerate(records):
-        likelihood[i] = _likelihoods(record, vehicle, wide)
-        advance(1.0 / len(records))
+    likelihood = np.array([_likelihoods(record, vehicle, wide) for record in records])
     mean, std = _spread(place, likelihood)
     return _with(vehicle, wide, mean, std, len(records))
 

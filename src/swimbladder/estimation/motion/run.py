@@ -415,18 +415,17 @@ def check_logs(
     if not logs:
         raise InputError("no log is given", field="LOG", remedy="Give at least one log")
     check_distinct(logs)
-    if neutral_std is not None:
-        check_std("neutral_std", neutral_std, "m3")
+    check_std("neutral_std", neutral_std, "m3")
     check_std("speed_std", speed_std, "m/s")
     if drive not in (None, "volume", "voltage"):
         what = "this does not drive the vehicle's model by itself"
         raise InputError(what, field="drive", value=drive, remedy="Choose volume or voltage")
 
 
-def check_std(field: str, value: float, unit: str) -> None:
+def check_std(field: str, value: float | None, unit: str) -> None:
     """Raise InputError for a standard deviation that is not above 0."""
     remedy = "Give a standard deviation, or none for no assumption"
-    check_number(value, field, unit, above=0.0, finite=False, remedy=remedy)
+    check_number(value, field, unit, above=0.0, most=math.inf, remedy=remedy)
 
 
 def check_nuisances(drift_std: float, delay_std: float) -> None:

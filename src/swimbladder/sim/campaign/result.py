@@ -28,25 +28,21 @@ from swimbladder.vehicle.spread import Spread
 Rows = NDArray[np.void]  # of `store.ROW`
 
 
-def share_interval(count: int, total: int, level: float = 0.95) -> tuple[float, float]:
-    """Return the interval of Clopper and Pearson (Biometrika 26, 1934, 404) for a share."""
-    from scipy.stats import beta
+def share_interval(count: int, total: int) -> tuple[float, float]:
+    """Return the 95 % interval of Clopper and Pearson (Biometrika 26, 1934, 404) for a share."""
+    from scipy.stats import binomtest
 
-    tail = 0.5 * (1.0 - level)
-    low = float(beta.ppf(tail, count, total - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(1.0 - tail, count + 1, total - count)) if count < total else 1.0
-    return low, high
+    low, high = binomtest(count, total).proportion_ci(0.95, method="exact")
+    return float(low), float(high)
 
 
-def prediction_interval(values: Array, level: float = 0.95) -> tuple[float, float]:
-    """Return an interval that holds the next value of the same kind with a probability.
+def prediction_interval(values: Array) -> tuple[float, float]:
+    """Return an interval that holds the next value of the same kind with a probability of 95 %.
 
     Parameters
     ----------
     values
         Values seen, 0 or more [n], 2 or more of them.
-    level
-        The probability, over what was seen and the next one.
 
     Returns
     -------
@@ -57,7 +53,7 @@ def prediction_interval(values: Array, level: float = 0.95) -> tuple[float, floa
         to be log-normal: Student's t of their logarithms (Hahn and Meeker, Statistical Intervals,
         1991).
     """
-    n, tail = len(values), 0.5 * (1.0 - level)
+    n, tail = len(values), 0.025
     if (n + 1) * tail > 1.0 - 1e-9:
         low, high = np.quantile(values, [tail, 1.0 - tail], method="weibull")
         return float(low), float(high)
@@ -190,17 +186,12 @@ class Sensitivity:
     def to_dict(self) -> dict[str, Any]:
         """Return the indices as plain values."""
         return {
-            "asked": self.asked,
-            "floats": self.design.floats,
+            **attributes(self, "asked floats=design.floats"),
             "good": int(np.sum(self.good)),
-            "rows": self.design.rows,
-            "inputs": [list(group) for group in self.design.groups],
+            **attributes(self, "rows=design.rows inputs=design.groups"),
             "outputs": [
                 {
-                    "what": one.name,
-                    "unit": one.unit,
-                    "mean": one.mean,
-                    "std": one.std,
+                    **attributes(one, "what=name unit mean std"),
                     "why_none": one.why or None,
                     "indices": [
                         {"inputs": list(group), **found._asdict()}
@@ -329,13 +320,11 @@ class Campaign(Answer):
         """Return the answer as plain values, SI but for what its unit says."""
         life = self.battery_life
         return {
-            "vehicle": self.vehicle.name,
-            "mission": self.mission.name,
+            **attributes(self, "vehicle=vehicle.name mission=mission.name"),
             "waters": [column.source for column in self.columns],
             "supervised": self.supervised,
             "floats": len(self.table),
-            "seed": self.seed,
-            "sentence": self.sentence,
+            **attributes(self, "seed sentence"),
             "good": int(np.sum(self.good)),
             "spread": self.spread.model_dump(mode="json", exclude={"schema_version"}),
             "shares": [

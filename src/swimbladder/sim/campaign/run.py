@@ -22,13 +22,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_counts
 from swimbladder.io.mission import Mission
 from swimbladder.jobs import identity, software
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.campaign.store import CYCLES, FLOATS, Layout
-from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, OF_LOADS, Account, Stop, made
 from swimbladder.sim.mission.balance import battery_life
 from swimbladder.sim.mission.core.phases import Holding
@@ -233,10 +232,7 @@ class Floats:
         if not self.columns:
             what, remedy = "no water is given", "Give columns=[water_of(vehicle, mission)]"
             raise InputError(what, field="columns", remedy=remedy)
-        if not 1 <= self.floats <= MOST:
-            what, remedy = "must be a whole number from 1 to a million", "Give `floats=4000`"
-            raise InputError(what, field="floats", value=self.floats, remedy=remedy)
-        check_counts(floats=(self.floats, 1), seed=(self.seed, 0))
+        check_counts(floats=(self.floats, 1, MOST), seed=(self.seed, 0))
         for column in self.columns:
             check_flight(self.vehicle, self.task, column)
         self._most_cycles()

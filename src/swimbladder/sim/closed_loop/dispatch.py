@@ -179,14 +179,14 @@ def _paths(form: Any, path: str) -> list[str]:
     return [p for n, inner in enumerate(form.types) for p in _paths(inner, f"{path}[{n}]")]
 
 
-@overload(extent, jit_options=OVERLOADED)
-def _extent(like):  # type: ignore[no-untyped-def]
+@overload(extent, jit_options=OVERLOADED, strict=False)
+def _extent(like: Any) -> Any:
     count = len(_paths(like, ""))
     return lambda like: count  # noqa: ARG005
 
 
-@overload(gather, jit_options=OVERLOADED)
-def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+@overload(gather, jit_options=OVERLOADED, strict=False)
+def _gather(like: Any, work: Any, start: Any, stride: Any) -> Any:  # noqa: ARG001
     if _class_of(like) is None:
         return None
     if any(isinstance(field, types.Array) for field in like):  # not of a lane: handed through
@@ -207,8 +207,8 @@ def _gather(like, work, start, stride):  # type: ignore[no-untyped-def]  # noqa:
     return _function(f"def f(like, work, start, stride):\n    return {made(like)}", **kinds)
 
 
-@overload(scatter_where, jit_options=OVERLOADED)
-def _scatter_where(due, values, work, start, stride):  # type: ignore[no-untyped-def]  # noqa: ARG001
+@overload(scatter_where, jit_options=OVERLOADED, strict=False)
+def _scatter_where(due: Any, values: Any, work: Any, start: Any, stride: Any) -> Any:  # noqa: ARG001
     if _class_of(values) is None:
         return None
     lines = "".join(

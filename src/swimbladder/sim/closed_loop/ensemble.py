@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from swimbladder.control.law import Law, leaves
 from swimbladder.control.supervisor import Reason
-from swimbladder.errors import InputError
+from swimbladder.errors import InputError, check_counts
 from swimbladder.io.netcdf import Variable, cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
@@ -30,7 +30,7 @@ from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import RATES, FloatModel, float_model, flown_law
 from swimbladder.sim.closed_loop.lane import RECORDED, Row
 from swimbladder.sim.closed_loop.lanes import Schedule
-from swimbladder.sim.closed_loop.single import check_counts, check_setpoints, choose_law
+from swimbladder.sim.closed_loop.single import check_setpoints, choose_law
 from swimbladder.sim.closed_loop.solution import (
     VARIABLES,
     StopReason,
@@ -250,9 +250,7 @@ def simulate_ensemble(
     """
     check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
     if keep not in ("summary", "trajectory"):
-        raise InputError(
-            "not a choice", field="keep", value=keep, remedy="Choose summary or trajectory"
-        )
+        raise no_such("not a choice", keep, ("summary", "trajectory"), field="keep")
     chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
     clock = schedule(times, duration, tick)

@@ -14,7 +14,7 @@ import numpy as np
 
 from swimbladder.control.law import Law, Measurement, leaf_names, leaves
 from swimbladder.control.registry import check_command, own_law
-from swimbladder.errors import InputError, check_number
+from swimbladder.errors import InputError, check_counts, check_number
 from swimbladder.io.mission import Mission, of_step, step_mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.actuator import refuse_pump_and_valve
@@ -425,13 +425,3 @@ def check_setpoints(
     if any(b <= a for a, b in itertools.pairwise(times)):
         raise problem("the times of the set-points must grow", value=times, unit="s")
     return times, depths
-
-
-def check_counts(**given: tuple[int | None, int]) -> None:
-    """Raise InputError where a count, given with the least it may be, is not a whole number."""
-    for field, (value, least) in given.items():
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if value is not None and not (whole and value >= least):
-            what = f"must be a whole number of at least {least}"
-            remedy = f"Give {field} as a number like {least + 1}"
-            raise InputError(what, field=field, value=value, remedy=remedy)

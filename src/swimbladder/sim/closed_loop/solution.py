@@ -303,16 +303,12 @@ class Solution(Answer):
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI; the arrays are in `dataset`."""
         return {
-            "vehicle": self.vehicle.name,
-            "law": self.law,
-            "supervised": self.supervised,
-            "alarm": self.alarm,
+            **attributes(self, "vehicle=vehicle.name law supervised alarm"),
             "duration_s": float(self.time[-1]),
             "samples": len(self.time),
             **attributes(self, "completed=finished deepest_m within_depth_limit"),
             "energy_J": self.balance.energy["source"],
-            "energy_basis": self.balance.basis,
-            "stop_reason": self.stop.value,
+            **attributes(self, "energy_basis=balance.basis stop_reason=stop"),
             "events": [{"time_s": event.time, "kind": event.kind} for event in self.events],
             "events_omitted": self.events_omitted,
         }

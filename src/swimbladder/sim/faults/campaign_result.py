@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swimbladder.control.supervisor import Reason
-from swimbladder.io.answers import Answer, plain
+from swimbladder.io.answers import Answer, attributes
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course, FaultRow, Result, reached
@@ -31,6 +31,10 @@ _FIELDS = [
 ROW = np.dtype(_FIELDS)
 """A mission of a campaign."""
 TOGETHER = "two faults at once"
+_LOST = (
+    "lost lost_early filled cut_short lost_share_without_supervisor=lost_without_supervisor "
+    "lost_share_without_supervisor_of_all=all_lost_without_supervisor"
+)
 MILD = 0.3  # of the recoverable; fewer lost without a supervisor ask little of it
 
 
@@ -327,34 +331,20 @@ class FaultResult(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what a program wants to know, in SI."""
-        alarms, trials = len(self.false_alarms), len(self.healthy)
-        found: dict[str, Any] = plain(
-            {
-                "vehicle": self.course.vehicle.name,
-                "water": self.course.water,
-                "law": self.course.vehicle.controller and self.course.vehicle.controller.law,
-                "sha256_of_c": self.program,
-                "seed": self.seed,
-                "missions": len(self.faulty),
-                "depths_m": [self.course.depths.least, self.course.depths.most],
-                "time_limit_s": self.course.time_limit,
-                "not_drawn": not_drawn(self.course.vehicle),
-                "recoverable": int(self.recoverable.sum()),
-                "lost": self.lost,
-                "lost_early": self.lost_early,
-                "filled": self.filled,
-                "cut_short": self.cut_short,
-                "lost_share_without_supervisor": self.lost_without_supervisor,
-                "lost_share_without_supervisor_of_all": self.all_lost_without_supervisor,
-                "kinds": [line._asdict() for line in self.lines()],
-                "healthy": {
-                    "missions": trials,
-                    "false_alarms": self.false_alarms,
-                    "bound_95": rule_of_three(alarms, trials),
-                    "too_slow": self.too_slow,
-                    "lost": self.healthy_lost,
-                },
-                "passed": self.passed,
-            }
-        )
-        return found
+        course, healthy = self.course, attributes(self, "too_slow lost=healthy_lost")
+        trials, alarms = len(self.healthy), self.false_alarms
+        counts = {"missions": trials, "false_alarms": alarms}
+        return {
+            **attributes(self, "vehicle=course.vehicle.name water=course.water"),
+            "law": course.vehicle.controller and course.vehicle.controller.law,
+            **attributes(self, "sha256_of_c=program seed"),
+            "missions": len(self.faulty),
+            "depths_m": [course.depths.least, course.depths.most],
+            "time_limit_s": course.time_limit,
+            "not_drawn": not_drawn(course.vehicle),
+            "recoverable": int(self.recoverable.sum()),
+            **attributes(self, _LOST),
+            "kinds": list(self.lines()),
+            "healthy": counts | {"bound_95": rule_of_three(len(alarms), trials)} | healthy,
+            "passed": self.passed,
+        }

@@ -18,7 +18,8 @@ from swimbladder.codegen.golden import BoardProgram
 from swimbladder.codegen.library import digest, make_program
 from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
-from swimbladder.errors import InputError
+from swimbladder.errors import check_counts
+from swimbladder.io.answers import attributes
 from swimbladder.io.progress import Advance, silent
 from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store, each
@@ -201,11 +202,7 @@ def faults(
     own_law(vehicle, sampled=False)
     if healthy is None:
         healthy = max(missions // 10, 1)
-    for field, count in (("missions", missions), ("healthy", healthy)):
-        if not 1 <= count <= 10_000_000:
-            what = "must be a whole number from 1 to 10 million"
-            remedy = "Give some hundreds to try, 100000 to prove"
-            raise InputError(what, field=field, value=count, remedy=remedy)
+    check_counts(missions=(missions, 1, 10_000_000), healthy=(healthy, 1, 10_000_000))
     course = course_of(vehicle, depth_range, cast)
     made = program_of(course)
     files = sources(made)
@@ -245,6 +242,7 @@ def _rows(campaign: FaultCampaign, seed: int, healthy: bool, numbers: range) -> 
 
 _MOTION = ("time_s", "depth_m", "speed_m_s", "volume_m3")
 _DRIVE = ("command", "applied", "battery_V", "reference_depth_m")
+_WHICH = "vehicle=course.vehicle.name water=course.water mission=mission.number healthy"
 _SEEN = ("depth_seen_m", "depth_age_s", "volume_seen_m3", "leak_seen")
 TRACE_COLUMNS = (*_MOTION, *_DRIVE, *_SEEN, "lost_ticks", "board", "reason", "water_m3")
 assert len(TRACE_COLUMNS) == 1 + len(Trace._fields)
@@ -353,17 +351,13 @@ class Flown:
         """Return what a program wants to know, in SI."""
         tick, names = self.tick, NAMES[: len(self.results)]
         return {
-            "vehicle": self.course.vehicle.name,
-            "water": self.course.water,
-            "mission": self.mission.number,
-            "healthy": self.healthy,
+            **attributes(self, _WHICH),
             "faults": [
                 {"kind": KINDS[int(kind)].name, "severity": first}
                 | {"onset_s": begin * tick, "end_s": end * tick}
                 for kind, first, _, begin, end in self.mission.fault_rows
             ],
-            "latched_s": self.latched,
-            "reason": self.reason,
+            **attributes(self, "latched_s reason"),
             "outcomes": {name: self.outcome(n).words for n, name in enumerate(names)},
         }
 

@@ -7,8 +7,10 @@ How many cycles one battery lasts: flown to its end, or computed from the first 
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +30,7 @@ from swimbladder.sim.engine.rodas.records import (
 from swimbladder.sim.mission.core.phases import Kind
 from swimbladder.sim.mission.flight import Flight
 from swimbladder.sim.mission.prepare import Plan
-from swimbladder.vehicle import Load
+from swimbladder.vehicle import Load, Vehicle
 
 PUMP, VALVE = "pump", "valve"
 STANDBY, SELF_DISCHARGE = "driver's standby", "self-discharge"
@@ -66,22 +68,38 @@ def load_name(load: Load) -> str:
 
 def consumers(flight: Flight) -> dict[str, float]:
     """Return the energy that each consumer took from the battery [J]."""
-    a, vehicle = flight.accounts, flight.vehicle
-    times = {kind: float(a[Account.T_DESCEND + kind]) for kind in Kind}
-    energy = {
-        PUMP: float(a[Account.PUMP_ENERGY]),
-        VALVE: float(a[Account.VALVE_ENERGY]),
-        HOLDING: float(a[Account.HOLDING_ENERGY]),
-    }
+    a = flight.accounts
+    times = {kind.name.lower(): float(a[Account.T_DESCEND + kind]) for kind in Kind}
+
+    def lasting(on: Callable[[str], bool]) -> float:
+        return sum(t for kind, t in times.items() if on(kind))
+
+    taken = a[list(OF_DRIVE)], lasting, a[Account.SURFACING_ENERGY], a[Account.SELF_DISCHARGED]
+    energy = _by_consumer(flight.vehicle, *taken).items()
+    return {name: float(value) for name, value in energy if value != 0.0}
+
+
+def _by_consumer(
+    vehicle: Vehicle,
+    drive: Iterable[Any],
+    lasting: Callable[[Callable[[str], bool]], Any],
+    surfacing: Any,
+    lost: Any,
+) -> dict[str, Any]:
+    """Return the energy of each consumer [J], arrays too.
+
+    drive: of pump, valve and holding; lasting: the time [s] in the kinds of phases for which a
+    function holds; surfacing: of all loads at surfacings; lost: by self-discharge.
+    """
+    energy: dict[str, Any] = dict(zip((PUMP, VALVE, HOLDING), drive, strict=True))
     if vehicle.driver is not None:
-        energy[STANDBY] = vehicle.driver.standby_power * sum(times.values())
-    surfacings = float(a[Account.SURFACING_ENERGY]) / (surfacing_energy(vehicle) or 1.0)
+        energy[STANDBY] = vehicle.driver.standby_power * lasting(lambda _: True)
+    surfacings = surfacing / (surfacing_energy(vehicle) or 1.0)
     for load in vehicle.loads:
-        on = sum(t for kind, t in times.items() if load_is_on(load, kind.name.lower()))
+        on = lasting(partial(load_is_on, load))
         taken = load.power * on + load.energy_per_surfacing * surfacings
         energy[load_name(load)] = energy.get(load_name(load), 0.0) + taken  # two may have one name
-    energy[SELF_DISCHARGE] = float(a[Account.SELF_DISCHARGED])
-    return {name: value for name, value in energy.items() if value != 0.0}
+    return energy | {SELF_DISCHARGE: lost}
 
 
 def close_balance(flight: Flight) -> MissionBalance:
@@ -131,26 +149,15 @@ def consumer_energy(flight: Flight) -> dict[str, Array]:
     the rest of that phase, as its power is not stated. Between two rows the phase is one: that of
     the first.
     """
-    rows, vehicle = flight.rows, flight.vehicle
-    kinds = [phase.kind for phase in flight.mission.phases]
+    rows = flight.rows
     phase, dt = rows["phase"].astype(int), np.diff(rows["t"])
 
-    def lasting(on: list[bool]) -> Array:
-        return np.concatenate(([0.0], np.cumsum(dt * np.array(on, float)[phase[:-1]])))
+    def lasting(on: Callable[[str], bool]) -> Array:
+        is_on = np.array([on(one.kind) for one in flight.mission.phases], float)
+        return np.concatenate(([0.0], np.cumsum(dt * is_on[phase[:-1]])))
 
-    energy = {
-        PUMP: rows["pump_energy"],
-        VALVE: rows["valve_energy"],
-        HOLDING: rows["holding_energy"],
-    }
-    if vehicle.driver is not None:
-        energy[STANDBY] = vehicle.driver.standby_power * lasting([True] * len(kinds))
-    surfacings = _spread(rows) / (surfacing_energy(vehicle) or 1.0)
-    for load in vehicle.loads:
-        on = lasting([load_is_on(load, kind) for kind in kinds])
-        taken = load.power * on + load.energy_per_surfacing * surfacings
-        energy[load_name(load)] = energy.get(load_name(load), 0.0) + taken
-    energy[SELF_DISCHARGE] = rows["self_discharged"]
+    drive = (rows[name] for name in _OF_DRIVE)
+    energy = _by_consumer(flight.vehicle, drive, lasting, _spread(rows), rows["self_discharged"])
     return {name: value for name, value in energy.items() if value[-1] != 0.0}
 
 

@@ -23,6 +23,7 @@ import numpy as np
 
 from swimbladder.control.argo import ARGO, ways
 from swimbladder.errors import InputError
+from swimbladder.io.answers import attributes
 from swimbladder.io.argo_config import AT_SURFACE, GROUNDING, GROUNDING_MODE, ICE, LAW, PLACE
 from swimbladder.io.mission import Mission
 from swimbladder.io.netcdf import UNDATED, cf_dataset, described, unless_dated
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _DEPTHS = 50  # rows of the table of speeds
+_SHOWN = 12  # cycles that are printed
 
 
 def trajectory_columns(result: MissionResult) -> dict[str, Array]:
@@ -103,46 +105,36 @@ def _without_bobbing(flight: Flight) -> Array:
     return np.asarray(notes[keep])
 
 
+_CYCLE = (
+    "begin_s=t_begin end_s=t_end arrival_s=arrival surfaced_s=surfaced deepest_m=deepest "
+    "least_volume_m3=v_least most_volume_m3=v_most"
+)
+_ACCOUNTS = "pump_runs=PUMP_RUNS valve_runs=VALVE_RUNS pump_time_s=PUMP_TIME pumped_m3=PUMPED"
+_ENERGIES = "pump_J=PUMP_ENERGY valve_J=VALVE_ENERGY holding_J=HOLDING_ENERGY"
+
+
 def cycle_columns(result: MissionResult) -> dict[str, Array]:
     """Return the columns of cycles.csv: a row per cycle; energies [J] of the cycle alone."""
-    c = result.flight.cycles
-    columns: dict[str, Array] = {
-        "cycle": np.arange(1.0, len(c) + 1.0),
-        "begin_s": c["t_begin"],
-        "end_s": c["t_end"],
-        "arrival_s": c["arrival"],
-        "surfaced_s": c["surfaced"],
-        "deepest_m": c["deepest"],
-        "least_volume_m3": c["v_least"],
-        "most_volume_m3": c["v_most"],
-        "phases_missed": np.array([bin(int(bits)).count("1") for bits in c["missed"]], float),
-        "pump_runs": result.per_cycle(Account.PUMP_RUNS),
-        "valve_runs": result.per_cycle(Account.VALVE_RUNS),
-        "pump_time_s": result.per_cycle(Account.PUMP_TIME),
-        "pumped_m3": result.per_cycle(Account.PUMPED),
-    }
-    if result.flight.mission.grounding is not None:
-        columns["grounded"] = result.per_cycle(Account.GROUNDED)
-    if result.flight.mission.ice is not None:
-        columns["ice_turns"] = result.per_cycle(Account.ICE_TURNS)
-    if result.energy_known:
-        columns |= {
-            "pump_J": result.per_cycle(Account.PUMP_ENERGY),
-            "valve_J": result.per_cycle(Account.VALVE_ENERGY),
-            "holding_J": result.per_cycle(Account.HOLDING_ENERGY),
-            "loads_J": result.per_cycle(*OF_LOADS),
-        }
-    return columns
+    c, mission = result.flight.cycles, result.flight.mission
+    missed = np.array([bin(int(bits)).count("1") for bits in c["missed"]], float)
+    columns = {"cycle": np.arange(1.0, len(c) + 1.0)}
+    columns |= attributes(c.view(np.recarray), _CYCLE) | {"phases_missed": missed}
+    accounts = attributes(Account, _ACCOUNTS)
+    accounts |= {} if mission.grounding is None else {"grounded": Account.GROUNDED}
+    accounts |= {} if mission.ice is None else {"ice_turns": Account.ICE_TURNS}
+    accounts |= attributes(Account, _ENERGIES) if result.energy_known else {}
+    columns |= {name: result.per_cycle(account) for name, account in accounts.items()}
+    return columns | ({"loads_J": result.per_cycle(*OF_LOADS)} if result.energy_known else {})
 
 
-def cycle_words(result: MissionResult, shown: int = 12) -> list[tuple[str, ...]]:
+def cycle_words(result: MissionResult) -> list[tuple[str, ...]]:
     """Return a table of the first cycles and the last as texts, its heading first."""
     columns = cycle_columns(result)
     heading = ["cycle", "days", "arrives [h]", "deepest [m]", "runs out", "runs in"]
     keys = ["pump_J", "valve_J", "loads_J"] if result.energy_known else []
     heading += ["out [kJ]", "in [kJ]", "loads [kJ]"] if keys else []
     count = len(columns["cycle"])
-    wanted = list(range(count)) if count <= shown else [*range(shown - 1), count - 1]
+    wanted = list(range(count)) if count <= _SHOWN else [*range(_SHOWN - 1), count - 1]
     lines: list[tuple[str, ...]] = [tuple(heading)]
     for n in wanted:
         begin, end = columns["begin_s"][n], columns["end_s"][n]

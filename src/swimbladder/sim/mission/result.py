@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swimbladder.control.supervisor import Reason
-from swimbladder.io.answers import Answer
+from swimbladder.errors import check_counts
+from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.mission import Mission
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import linear_psi
 from swimbladder.physics.seawater import Cast
-from swimbladder.sim.closed_loop.single import check_counts
 from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.engine.rodas.records import OF_DRIVE, Account, Ice, Note, Stop
 from swimbladder.sim.mission.balance import (
@@ -36,7 +36,22 @@ from swimbladder.vehicle import Vehicle
 if TYPE_CHECKING:
     import xarray as xr
 
-
+_ASKED = (
+    "vehicle=flight.vehicle.name mission=flight.mission.name water=flight.column.source sentence "
+    "completed"
+)
+_FLOWN = (
+    "supervised=flight.plan.supervised alarm laws reasons notes cycles duration_s=flight.duration"
+)
+_HELD = (
+    "held stroke_margin=reach.margin stroke_margin_flown=flown_margin least_volume=reach.least "
+    "most_volume=reach.most"
+)
+_ENERGY = (
+    "battery_J=balance.battery drawn_J=balance.drawn drive_per_cycle_J battery_cycles "
+    "battery_left=_left sinks_J=balance.sinks"
+)
+_TIMES = (Account.PUMP_TIME, Account.VALVE_TIME, Account.STALLED)
 _BACK = 0.5  # m below where it turned back, it has
 
 
@@ -242,51 +257,25 @@ class MissionResult(Answer):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the answer as plain values, SI."""
-        f, balance = self.flight, self.balance
-        a = f.accounts
+        f, a = self.flight, self.flight.accounts
         deepest = float(np.max(f.cycles["deepest"]))
-        at = min(deepest, f.column.deepest)
+        energy = attributes(self, _ENERGY)
         return {
-            "vehicle": f.vehicle.name,
-            "mission": f.mission.name,
-            "water": f.column.source,
-            "sentence": self.sentence,
-            "completed": self.completed,
+            **attributes(self, _ASKED),
             "stop": f.stop.name.lower().replace("_", "-"),
-            "supervised": f.plan.supervised,
-            "alarm": self.alarm,
-            "laws": self.laws,
-            "reasons": self.reasons,
-            "notes": self.notes,
-            "cycles": self.cycles,
-            "duration_s": f.duration,
+            **attributes(self, _FLOWN),
             "deepest_m": deepest,
-            "arrival_s": self.arrival,
-            "missed": self.missed,
-            "grounded_m": self.grounded,
+            **attributes(self, "arrival_s missed grounded_m"),
             "ice_turns": int(a[Account.ICE_TURNS]),
             "ice_least_m": self.ice_least if a[Account.ICE_TURNS] else None,
             "surfaced_under_ice": int(a[Account.UNDER_ICE]),
-            "held": self.held,
-            "stroke_margin": self.reach.margin,
-            "stroke_margin_flown": self.flown_margin,
-            "least_volume": vars(self.reach.least),
-            "most_volume": vars(self.reach.most),
-            "psi_m3_m": linear_psi(f.vehicle, f.column, at),
-            "pump_runs": int(a[Account.PUMP_RUNS]),
-            "valve_runs": int(a[Account.VALVE_RUNS]),
-            "pump_time_s": float(a[Account.PUMP_TIME]),
-            "valve_time_s": float(a[Account.VALVE_TIME]),
-            "stalled_s": float(a[Account.STALLED]),
+            **attributes(self, _HELD),
+            "psi_m3_m": linear_psi(f.vehicle, f.column, min(deepest, f.column.deepest)),
+            **{one.name.lower(): int(a[one]) for one in (Account.PUMP_RUNS, Account.VALVE_RUNS)},
+            **{f"{one.name.lower()}_s": float(a[one]) for one in _TIMES},
             "energy_unknown": f.plan.energy_known or None,
-            "battery_J": balance.battery if self.energy_known else None,
-            "drawn_J": balance.drawn if self.energy_known else None,
-            "drive_per_cycle_J": self.drive_per_cycle if self.energy_known else None,
-            "battery_cycles": self.battery_cycles,
-            "battery_left": self._left,
-            "sinks_J": balance.sinks if self.energy_known else None,
-            "energy_residue": balance.relative_residue,
-            "volume_m3": balance.volume,
+            **(energy if self.energy_known else dict.fromkeys(energy)),
+            **attributes(self, "energy_residue=balance.relative_residue volume_m3=balance.volume"),
             "steps": int(f.whole["steps"]),
         }
 

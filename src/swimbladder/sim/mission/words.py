@@ -10,21 +10,19 @@ import numpy as np
 
 from swimbladder.control.rate import RateParameters
 from swimbladder.io.log_text import counted
-from swimbladder.io.mission import Mission
+from swimbladder.io.mission import Ice, Mission
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import oil_note
 from swimbladder.physics.seawater import look_up
 from swimbladder.sim.engine.rodas.records import Ice as Turn
 from swimbladder.sim.engine.rodas.records import Note, Records, Stop, Table
 from swimbladder.sim.mission.core.phases import Grounding, Kind
-from swimbladder.sim.mission.prepare import HELD, cost_words, start_time
+from swimbladder.sim.mission.prepare import HELD, Plan, cost_words, start_time
 from swimbladder.units import say
 from swimbladder.vehicle import PumpAndValve
 
 if TYPE_CHECKING:
-    from swimbladder.io.mission import Ice
     from swimbladder.sim.mission.flight import Flight
-    from swimbladder.sim.mission.prepare import Plan
     from swimbladder.sim.mission.result import MissionResult
 
 _say = partial(say, "sim", "mission")

@@ -240,11 +240,6 @@ def _ask(f: Phases, S: Array, k: int) -> bool:  # noqa: ARG001
 
 
 @inlined
-def _drive(f: Phases, S: Array, k: int, command: float) -> float:  # noqa: ARG001
-    return command
-
-
-@inlined
 def _bound(f: Phases, until: float) -> float:  # noqa: ARG001
     """Return when somebody has to decide [s]: now, where a buffer is full or the battery empty."""
     x = f.lane.x
@@ -330,7 +325,6 @@ hook_in(
     begin=_begin,
     sense=_sense,
     ask=_ask,
-    drive=_drive,
     bound=_bound,
     set_off=_set_off,
     moved=_moved,
