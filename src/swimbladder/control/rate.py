@@ -311,7 +311,7 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
         found.append(RateSettings(speed, dead, run, held, slow, band, step, volume_step))
     if not found:
         would = "A faster pump, a wider band (`hold=`), a better depth sensor or a stiffer hull"
-        raise NoAnswerError(f"no setting of the law 'rate' does it: {why}. {would} would help")
+        raise NoAnswerError(f"no setting of the law 'rate' does it: {why}. {would} may help")
     return found
 
 
