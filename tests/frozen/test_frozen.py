@@ -27,6 +27,14 @@ LONG = (  # `make prove` takes them
     "plan-example-eh",
     "faults-ntnu-bv",
     "reproduce",
+    "mission",
+    "identify-pool",
+    "faults",
+    "stability-feup-em",
+    "pool",
+    "simulate-law-adrc",
+    "simulate-law-planned",
+    "simulate-ntnu-bv",
 )
 
 

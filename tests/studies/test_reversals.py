@@ -22,7 +22,7 @@ def test_the_heat_of_a_jump_is_scipys(before, after):
     assert run.y[1, -1] == pytest.approx((after - before) ** 2 * T1 / 2.0, rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_pulses_start_less_often_and_ask_more():
     short = Step(2.0, 2.0001, 1200.0)
     one, both = (asked(name, runs=10, step=short) for name in ("observer", "pulse"))
