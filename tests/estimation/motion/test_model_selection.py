@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from swimbladder.estimation.motion import Prior, identify
+from swimbladder.estimation.motion import Prior, diagnose, identify
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
 from tests.estimation.motion.pool import campaign, pool_log, trace
@@ -21,6 +21,21 @@ def test_a_model_that_holds_another_is_never_less_likely(fixed):
     for psi in ("free", "zero"):
         assert found["blended", psi] > found["linear", psi] - 0.1
         assert found["blended", psi] > found["quadratic", psi] - 0.1
+
+
+def test_only_models_that_may_be_the_best_are_fitted_to_the_last_digit(monkeypatch):
+    """The truth is linear: no quadratic drag is near it, and a blended one only with psi."""
+    solved, solve = [], diagnose.solve
+
+    def counted(problem, near, *, roughly=False):
+        solved.append((problem.model.law, "psi" in problem.names, roughly))
+        return solve(problem, near, roughly=roughly)
+
+    monkeypatch.setattr(diagnose, "solve", counted)
+    identify(campaign(31, quantum=5e-3, steps=(2e-5, -7.5e-5)), FEUP_EM, profiles=False)
+    finely = {(law, psi) for law, psi, roughly in solved if not roughly}
+    assert finely == {("linear", False), ("blended", True)}
+    assert len(solved) == 6
 
 
 def of_jumps(seed: int, **drag: float) -> Log:

@@ -63,7 +63,12 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     worth = float((each * counts).sum() / counts.sum())
 
     def solved(other: Problem, begins: Begins[Fit]) -> Fit:
-        return solve(other, [_moved(other, one, result, held=held) for one, result, held in begins])
+        starts = [_moved(other, one, result, held=held) for one, result, held in begins]
+        if other.model.law == problem.model.law:  # what is without psi may be said
+            return solve(other, starts)
+        found = solve(other, starts, roughly=True)
+        near = found.objective < fit.objective + _DECISIVE
+        return solve(other, [found.x]) if near else found
 
     found = compared(problem, fit, vehicle, solved)
     return with_probabilities(

@@ -346,7 +346,7 @@ def _speed(time: Array, depth: Array) -> Array:
 Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
 
 _ROUNDS = 12  # of weights and noise
-_FEW_ROUNDS = 4  # that begin next to where they end
+_FEW_ROUNDS = 4  # that begin next to where they end, or have only to distinguish models
 _FEW_FOLDS, _MOST_FOLDS = 3, 40  # e-folds over a log, beyond which a motion is unstable in it
 _ASTRAY = 4.0  # times the noise, a residual of a model that does not follow
 _CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
@@ -378,13 +378,14 @@ class Fit:
     data: Array  # [len(x), len(x)], information of the data alone, with autocorrelated residuals
 
 
-def fit(problem: Problem, near: list[Array] | None = None) -> Fit:
+def fit(problem: Problem, near: list[Array] | None = None, *, roughly: bool = False) -> Fit:
     """Return the best fit that is reached from x next to it, or from where the data may be.
 
     near: x next to the best, where it is known; else the vehicle's own values and a regression's.
+    roughly: to the digits that distinguish models.
     """
     starts = _starts(problem) if near is None else near
-    return finish(problem, _best_of(problem, starts)[1])
+    return finish(problem, _best_of(problem, starts, roughly=roughly)[1])
 
 
 def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float] | None:
@@ -392,7 +393,7 @@ def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float
 
     begin: near which it is sought; noise [m]: of the depth. None where the residual is more.
     """
-    found = (_solve(problem, x, rounds=_FEW_ROUNDS) for x in _begins(problem, [begin]))
+    found = (_solve(problem, x, roughly=True) for x in _begins(problem, [begin]))
     objective, x, left = min(found, key=lambda one: one[0])
     behind = float((np.diff(problem.rows) * np.log(np.maximum(left, _FINEST) / noise)).sum())
     if behind > _BEHIND + _OF_EACH * len(left):
@@ -401,11 +402,11 @@ def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float
     return x, own - _OWN_NUMBERS * len(left)
 
 
-def _best_of(problem: Problem, starts: list[Array]) -> Found:
+def _best_of(problem: Problem, starts: list[Array], *, roughly: bool) -> Found:
     """Return the best solution from the starts, the first that is clean."""
     found: list[Found] = []
     for start in _begins(problem, starts):
-        found.append(_solve(problem, start))
+        found.append(_solve(problem, start, roughly=roughly))
         best = min(found, key=lambda one: one[0])
         if _excess(problem, best[2]) < _CLEAN:
             break
@@ -532,7 +533,7 @@ def _noise(problem: Problem, residual: Array, weight: Array) -> Array:
     return pooled(np.array(found), np.array(freedom))
 
 
-def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
+def _solve(problem: Problem, x: Array, *, roughly: bool) -> Found:
     """Return (objective, x, noise) at the end of rounds of weights, noise and least squares.
 
     Where it began, if that is better: along an unstable vehicle no step may lead further.
@@ -543,12 +544,13 @@ def _solve(problem: Problem, x: Array, *, rounds: int = _ROUNDS) -> Found:
     residual = problem.residual(x)
     noise = _robust_noise(problem, residual)
     settled = False
-    for n in range(rounds):
+    for n in range(_FEW_ROUNDS if roughly else _ROUNDS):
         weight = weights(residual / _each(problem, noise))
         if settled:  # no outlier is near any more: the efficient estimate of the noise
             noise = _noise(problem, residual, weight)
         root = np.sqrt(weight) / _each(problem, noise)
-        fine, most = 1e-8 if n > 1 else 1e-4, 40 if n == 0 else 12  # weights are not final at first
+        final, most = n > 1 and not roughly, 40 if n == 0 else 12  # weights are not final at first
+        fine = 1e-8 if final else 1e-4
         before, x = x, _least(problem, x, root, fine=fine, most=most)
         step = float(np.abs(x - before).max())
         residual = problem.residual(x)
