@@ -120,7 +120,7 @@ def test_what_a_cast_cannot_be_used_for_is_said():
 def test_a_model_quicker_than_any_vehicle_is_not_followed():
     """A search may try a drag that would take 20,000 steps from sample to sample."""
     layers, p = layers_of(VEHICLE, COLUMN), plant(VEHICLE)
-    time, start = np.arange(0.0, 5.0, 0.5), np.array([[3.0, 0.01]])
+    time, start = np.arange(0.0, 5.0, 0.5), np.array([[3.0, 0.01, 0.0]])
     volume = np.full(len(time), VEHICLE.trim_error + 5e-6)
     assert np.isfinite(follow_in(layers, [p], time, volume, start)).all()
     for quick in (p._replace(d_l=100.0), p._replace(d_t=1e8), p._replace(a_b=1e9)):

@@ -216,8 +216,7 @@ def follow(release: Release, values: Mapping[str, float], c: Conditions) -> Flig
 
 def _depths(p: Plant, time: Array, volume: Array, start: float) -> Array:
     course = Course(time, volume, ramps=True)
-    rate = (volume[1] - volume[0]) / (time[1] - time[0])
-    return np.asarray(course.follow([p], np.array([[rate, volume[0], start, 0.0]]))[0])
+    return np.asarray(course.follow([p], np.array([[0.0, start, 0.0, 0.0]]))[0])
 
 
 def _end(

@@ -184,8 +184,8 @@ def follow_in(
 ) -> Array:
     """Return the depths [lanes, n] in m of vehicles in layered water, as `kalman` has it.
 
-    starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a vehicle left the water, and
-    throughout where the first of them is quicker than any: a search that tried it looks elsewhere.
+    starts [lanes, 3]: depth [m], speed [m/s] and drift [m3/s]. nan from where a vehicle left the
+    water, and throughout where the first of them is quicker than any: a search looks elsewhere.
     """
     p = plants[0]
     spare = float(np.abs(volume - p.V_0).max() + np.abs(layers.table[:, 0]).max())

@@ -145,11 +145,11 @@ def _run(
         return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
     if rec.drive == "volume" and volume is not None:
         # Only volume less neutral volume moves the vehicle.
-        moving = volume - start.drift * rec.time[part]
         if len(rec.layers.table):
             plants = [plant(vehicle, bottom_depth=rec.bottom_depth)]
-            starts = np.array([[depth, start.speed]])
-            return follow_in(rec.layers, plants, time, moving, starts)[0], volume, None
+            starts = np.array([[depth, start.speed, start.drift]])
+            return follow_in(rec.layers, plants, rec.time[part], volume, starts)[0], volume, None
+        moving = volume - start.drift * rec.time[part]
         solution = drive(vehicle, time=time, volume=moving, **known)
     else:
         solution = drive(vehicle, time=time, voltage=rec.inputs[part], start_volume=begin, **known)

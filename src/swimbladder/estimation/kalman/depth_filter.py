@@ -86,8 +86,8 @@ def follow(
     """Return the depths [lanes, n] in m of several vehicles under one known volume.
 
     By the filter's own step, without noise, in layered water. volume [n] in m3, straight between
-    the instants time [n] in s; starts [lanes, 2]: depth [m] and speed [m/s]. nan from where a
-    vehicle left the water.
+    the instants time [n] in s; starts [lanes, 3]: depth [m], speed [m/s], and how fast what is
+    neutral grows from time 0 on [m3/s]. nan from where a vehicle left the water.
     """
     arrays = [np.ascontiguousarray(a, float) for a in (time, volume, starts)]
     return np.asarray(follow_kernel(np.array(plants), layers, *arrays))

@@ -586,16 +586,17 @@ def follow_kernel(
 ) -> Array:
     """Follow a volume [n] with several vehicles; depths [lanes, n] are nan once one left the water.
 
-    plants [lanes, fields]; starts [lanes, 2]: depth [m] and speed [m/s] at the first instant.
+    plants [lanes, fields]; starts [lanes, 3]: depth [m] and speed [m/s] at the first instant, and
+    how fast what is neutral grows from time 0 on [m3/s].
     """
     F, Q, x = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     depth = np.full((len(plants), len(time)), np.nan)
     for i in range(len(plants)):
-        p = plants[i]
+        p, own = plants[i], volume - starts[i, 2] * time
         x[0], x[1], x[2] = starts[i, 0], starts[i, 1], p[V_0]
         depth[i, 0] = x[0]
         for k in range(1, len(time)):
-            transition(Motion(p, layers, 0.0, 0.0), x, _span(time, volume, k), F, Q)
+            transition(Motion(p, layers, 0.0, 0.0), x, _span(time, own, k), F, Q)
             if not (x[0] > p[Z_AIR] and x[0] < DEEPEST):
                 break
             depth[i, k] = x[0]

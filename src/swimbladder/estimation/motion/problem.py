@@ -417,22 +417,12 @@ class Problem:
         J, row = np.zeros((len(self.measured), self.size)), 0
         for j in range(len(self.experiments)):
             shared = [*range(self.shared), self.shared + j]
-            runs = list(self._run(x, j, shared))
-            for at, (z, block) in enumerate(runs):
+            for at, (z, block) in enumerate(self._run(x, j, shared)):
                 start = self.starts_at[j] + 2 * at
-                J[row : row + len(z), [*shared, start, start + 1, self.delay_at]] = block
+                own = [start, start + 1, self.first_drift + j, self.delay_at]
+                J[row : row + len(z), [*shared, *own]] = block
                 row += len(z)
-            if self.experiments[j].ramps:
-                part, at = slice(self.rows[j], self.rows[j + 1]), self.first_drift + j
-                J[part, at] = self._slope_of_drift(x, j, np.concatenate([z for z, _ in runs]))
         return J
-
-    def _slope_of_drift(self, x: Array, j: int, here: Array) -> Array:
-        """Return the derivative of experiment j's depths `here` by its neutral volume's drift."""
-        near = x.copy()
-        near[self.first_drift + j] += _STEP_OF_DRIFT
-        there = np.concatenate([z for z, _ in self._run(near, j)])
-        return np.asarray(np.clip(np.nan_to_num((there - here) / _STEP_OF_DRIFT), -1e6, 1e6))
 
     def prior_rows(self, x: Array) -> tuple[Array, Array]:
         """Return the priors as residuals [k], in standard deviations, with derivatives [k, n]."""
@@ -464,49 +454,46 @@ class Problem:
         """Return minus the derivatives of what `weighted` returns."""
         return np.concatenate([root[:, None] * self.slope(x), self.prior_rows(x)[1]])
 
-    def _courses(self, x: Array, j: int) -> Sequence[Course]:
-        """Return what drives experiment j: its volumes less the drift of what is neutral."""
-        e, drift = self.experiments[j], x[self.first_drift + j] * DRIFT
-        if not e.ramps or drift == 0.0:
-            return self.courses[j]
-        volumes = e.inputs - drift * (e.record.time - e.record.time[0])
-        parts = (volumes[s.first : s.last + 1] for s in e.segments)
-        return [course.along(part) for course, part in zip(self.courses[j], parts, strict=True)]
-
     def _run(self, x: Array, j: int, moved: Sequence[int] = ()) -> Iterator[tuple[Array, Array]]:
         """Yield experiment j's depths, stretch by stretch, and their derivatives.
 
-        By the entries `moved` of x, then by the stretch's own start and by how late volumes are; by
-        nothing without the first.
+        By the entries `moved` of x, then by the stretch's own start, by the drift of the neutral
+        volume and by how late volumes are; by nothing without the first.
         """
         e = self.experiments[j]
         plants = self._plants(x, e, self.shared + j, moved)
-        for k, course in enumerate(self._courses(x, j)):
-            yield self._stretch(x, e, course, self.starts_at[j] + 2 * k, plants)
+        drift = float(x[self.first_drift + j]) * DRIFT if e.ramps else 0.0
+        for k, course in enumerate(self.courses[j]):
+            yield self._stretch(x, e, course, self.starts_at[j] + 2 * k, plants, drift)
 
     def _stretch(
-        self, x: Array, e: Experiment, course: Course, at: int, plants: Sequence[Plant]
+        self,
+        x: Array,
+        e: Experiment,
+        course: Course,
+        at: int,
+        plants: Sequence[Plant],
+        drift: float,
     ) -> tuple[Array, Array]:
         """Return the depths of the first of the plants, and their derivatives, see `_run`."""
-        p, volume, rate = plants[0], e.neutral, 0.0
-        if e.ramps:
-            volume = float(course.inputs[0])
-            rate = float((course.inputs[1] - volume) / course.spans[0])
+        p = plants[0]
         depth = min(max(float(x[at]) * DEPTH, p.z_air), p.z_bottom)
-        lanes = [*plants, p, p] if len(plants) > 1 else plants
-        starts = np.array([[rate, volume, depth, x[at + 1] * SPEED]] * len(lanes))
+        lanes = [*plants, p, p, p] if len(plants) > 1 else plants
+        starts = np.array([[e.neutral, depth, x[at + 1] * SPEED, drift]] * len(lanes))
         if len(plants) > 1:
-            starts[-2, 2] += _STEP * DEPTH
-            starts[-1, 3] += _STEP * SPEED
+            starts[-3, 1] += _STEP * DEPTH
+            starts[-2, 2] += _STEP * SPEED
+            starts[-1, 3] += _STEP_OF_DRIFT * DRIFT * e.ramps
         layers = e.record.layers
         if len(layers.table):
-            z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 2:])
+            z = follow_in(layers, lanes, course.time, course.inputs, starts[:, 1:])
         else:
             z = course.follow(lanes, starts)
         late, moving = float(x[self.delay_at]) * DELAY, np.zeros(z.shape[1])
         if e.ramps and (late != 0.0 or len(lanes) > 1) and np.isfinite(z).all():
             z, moving = shifted(course.time, z, late)  # by the clock of the volumes
         slope = np.append((z[1:] - z[0]) / _STEP, moving[None] * DELAY, axis=0)
+        slope[-2:-1] *= _STEP / _STEP_OF_DRIFT
         return z[0], np.where(np.isnan(slope), 0.0, np.clip(slope, -1e6, 1e6)).T
 
     def _plants(self, x: Array, e: Experiment, own: int, moved: Sequence[int]) -> list[Plant]:
@@ -532,8 +519,8 @@ class Problem:
 
 
 def _course(e: Experiment, s: Segment) -> Course:
-    part = slice(s.first, s.last + 1)
-    return Course(e.record.time[part], e.inputs[part], ramps=e.ramps)
+    part, time = slice(s.first, s.last + 1), e.record.time
+    return Course(time[part], e.inputs[part], ramps=e.ramps, since=time[0])
 
 
 def posed(

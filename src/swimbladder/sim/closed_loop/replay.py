@@ -5,9 +5,8 @@ One record through many vehicles at once: depths only, for fits and their sensit
 
 import math
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import replace
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -165,6 +164,7 @@ class Spans(NamedTuple):
 def _submerged(lane: ModeLane, given: Inputs, spans: Spans, start: Array, depth: Array) -> bool:
     """Follow a volume as long as nothing happens on the way; return whether nothing did."""
     p, layers, x, y, volume = lane.p, lane.layers, lane.x, lane.y, given.values
+    drift = start[4]
     # no event is looked for where nothing happens
     chain = lane.chains[PRESCRIBED][: _FEW + 1]
     x[2], x[3] = start[2], start[3]
@@ -177,7 +177,8 @@ def _submerged(lane: ModeLane, given: Inputs, spans: Spans, start: Array, depth:
         if k == n - 1:
             break
         span, place = spans.length[k], spans.place[k]
-        x[0], x[1] = (volume[k + 1] - volume[k]) / span, volume[k]
+        x[0] = (volume[k + 1] - volume[k]) / span - drift
+        x[1] = volume[k] - drift * given.time[k]
         h, table = span / given.parts[k], spans.tables[place]
         if spans.ready[place] == 0:
             build_chain(p, PRESCRIBED, h, chain)
@@ -209,7 +210,9 @@ def _bundle(
         for n in range(4):
             lane.x[n] = starts[i, n]
         lane.x[4] = 0.0
-        reached, _ = follow(lane, given, record)
+        own = given.values - starts[i, 4] * given.time
+        inputs = Inputs(given.time, own, given.ramps, given.parts)
+        reached, _ = follow(lane, inputs, record)
         for k in range(reached):
             depth[i, k] = record[0, k]
 
@@ -220,35 +223,34 @@ class Course:
     Where `ramps` the inputs are volumes [m3], linear between instants, else voltages [V], held.
     """
 
-    def __init__(self, time: Array, inputs: Array, *, ramps: bool) -> None:
+    def __init__(
+        self, time: Array, inputs: Array, *, ramps: bool, since: float | None = None
+    ) -> None:
         # An even clock's spans differ by rounding; unrounded, each would need exponentials.
         self.spans = np.round(np.diff(time), 9)
         self.different, self.place = np.unique(self.spans, return_inverse=True)
-        self.time = np.concatenate([[0.0], np.cumsum(self.spans)])
+        begun = 0.0 if since is None else float(time[0]) - since
+        self.time = begun + np.concatenate([[0.0], np.cumsum(self.spans)])
         self.inputs, self.ramps = np.ascontiguousarray(inputs, float), ramps
-
-    def along(self, inputs: Array) -> Self:
-        """Return the same instants with other inputs."""
-        other = copy(self)
-        other.inputs = np.ascontiguousarray(inputs, float)
-        return other
 
     def follow(self, plants: Sequence[Plant], starts: Array) -> Array:
         """Return the depths [lanes, n] in m of several vehicles along this record.
 
-        starts [lanes, 4]: volume rate, volume, depth and speed at the first instant. After an
+        starts [lanes, 4]: volume, where a voltage drives, depth and speed at the first instant,
+        and how fast what is neutral grows from `since` on [m3/s], where a volume drives. After an
         instant at which a vehicle cannot be followed further its depths are NaN, and all are
         where its drag asks for more steps than can be. All lanes take the steps of the first, so
         that the differences between them are smooth.
         """
         base = plants[0]
         if self.ramps:  # the speeds that this volume can drive, not those of the whole stroke
-            lost = abs(base.psi) * (float(np.abs(starts[:, 2]).max()) + _DEEPEST)
-            least, most = float(np.min(self.inputs)), float(np.max(self.inputs))
+            lost = abs(base.psi) * (float(np.abs(starts[:, 1]).max()) + _DEEPEST)
+            moved = self.inputs - starts[0, 3] * self.time
+            least, most = float(np.min(moved)), float(np.max(moved))
             reach = base._replace(V_min=least - lost, V_max=most + lost, psi=0.0)
         else:
             reach = base
-        fastest = float(np.abs(starts[:, 3]).max())
+        fastest = float(np.abs(starts[:, 2]).max())
         depth = np.full((len(plants), len(self.time)), np.nan)
         try:
             steps = np.array(
@@ -262,6 +264,11 @@ class Course:
         tables, ready = np.empty((count, 2, COEFFICIENTS)), np.zeros(count, np.uint8)
         spans = Spans(self.spans, self.place, tables, ready)
         given = Inputs(self.time, self.inputs, self.ramps, steps[self.place])
-        lane = new_lane(np.array(base), NO_LAYERS, starts[0])
-        _bundle(lane, given, spans, np.array(plants), starts, depth)
+        begin = np.zeros((len(plants), 5))  # the volume's rate before
+        begin[:, 1:] = starts
+        if self.ramps:
+            begin[:, 0] = (self.inputs[1] - self.inputs[0]) / self.spans[0] - starts[:, 3]
+            begin[:, 1] = self.inputs[0] - starts[:, 3] * self.time[0]
+        lane = new_lane(np.array(base), NO_LAYERS, begin[0, :4])
+        _bundle(lane, given, spans, np.array(plants), begin, depth)
         return depth
