@@ -42,7 +42,7 @@ from swimbladder.io.files import (
 from swimbladder.io.progress import Advance, silent, so_far
 from swimbladder.plugins import optional
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -256,8 +256,7 @@ class Workers:
             what = "no part of a whole"
             raise InputError(what, field="part", value=self.part, remedy=remedy) from None
         object.__setattr__(self, "part", (k, n))
-        if self.executor not in EXECUTORS:
-            raise no_such("no such executor", self.executor, EXECUTORS, field="executor")
+        check_choice(self.executor, EXECUTORS, "no such executor", field="executor")
         check_counts(workers=(self.workers, 1, 4096))
         if self.scheduler is not None and self.executor != "dask":
             what, remedy = "only dask has a scheduler", "Give `executor='dask'`"

@@ -89,7 +89,7 @@ def test_the_vehicle_and_the_answer_are_for_a_person_to_read(capsys, tmp_path, p
     [
         (["--max-depth", "-3 m"], 2, "--max-depth"),
         (["--max-depth", "1200 m"], 2, "rated for 1000 m"),
-        (["--goal", "cost"], 2, "Allowed: mass, energy"),
+        (["--goal", "cost"], 2, "Choose from mass, energy"),
         (["--speed", "3 kg"], 2, "--speed"),
         (["--hotel", "-1 W"], 2, "--hotel: it must be 0 or more (got '-1 W'"),
         (

@@ -111,10 +111,9 @@ def new(
     """Write a short vehicle file to start from; with --full one of every field and default."""
     from swimbladder.io.files import there, write_atomically
     from swimbladder.io.vehicle_file import KINDS, vehicle_start, vehicle_template
-    from swimbladder.vehicle.schema import no_such
+    from swimbladder.vehicle.schema import check_choice
 
-    if kind not in KINDS:
-        raise no_such("there is no such kind of actuator", kind, KINDS, field="--kind")
+    check_choice(kind, KINDS, "there is no such kind of actuator", field="--kind")
     target = path if path is not None else Path(f"{kind}.toml")
     if there(target) and not force:
         remedy = "Choose another name, or overwrite it with --force"

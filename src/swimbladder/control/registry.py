@@ -10,7 +10,7 @@ from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.plugins import Registry
 from swimbladder.units import quantity
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.schema import did_you_mean, no_such
+from swimbladder.vehicle.schema import check_choice, did_you_mean
 
 
 def _own(module: str) -> Callable[[], Law]:
@@ -46,9 +46,7 @@ LAWS: Registry[Law] = Registry("swimbladder.laws", "law", own=_OWN, accept=_acce
 
 def law_by_name(name: str) -> Law:
     """Return the law of that name; raises InputError where there is none."""
-    known = LAWS.names()
-    if name not in known:
-        raise no_such("unknown control law", name, known, field="controller.law")
+    check_choice(name, LAWS.names(), "unknown control law", field="controller.law")
     return LAWS[name]
 
 

@@ -39,7 +39,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
 from swimbladder.plugins import Registry
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -435,8 +435,7 @@ def check_reading(
     check_number(longitude, "longitude", "degrees", least=-360.0, most=360.0, remedy=how)
     how = "Give it in PSS-78: 0 in fresh water, 35 in the ocean"
     check_number(salinity, "salinity", least=0.0, most=MOST_SALT, remedy=how)
-    if inversions not in get_args(Inversions):
-        raise no_such("not a choice", inversions, get_args(Inversions), field="inversions")
+    check_choice(inversions, get_args(Inversions), "not a choice", field="inversions")
 
 
 def _salted(raw: RawCast, salinity: float | None) -> RawCast:

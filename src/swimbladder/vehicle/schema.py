@@ -14,7 +14,7 @@ import inspect
 import math
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from functools import cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, cast, get_args, get_origin
@@ -171,6 +171,12 @@ def no_such(what: str, name: str, known: Iterable[str], *, field: str) -> InputE
     names = list(known)
     remedy = f"{did_you_mean(name, names)}Choose from {', '.join(names)}"
     return InputError(what, field=field, value=name, remedy=remedy)
+
+
+def check_choice(name: str | None, known: Collection[str], what: str, *, field: str) -> None:
+    """Raise InputError, saying `what`, for a name that is none of those known; None: not given."""
+    if name is not None and name not in known:
+        raise no_such(what, name, known, field=field)
 
 
 def input_error(error: ValidationError, model: type[BaseModel]) -> InputError:

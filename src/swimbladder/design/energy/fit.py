@@ -53,6 +53,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.steady_drives import REFERENCE_TEMPERATURE
 from swimbladder.vehicle import PowerLawPump, PumpAndValve, Supply, Vehicle
+from swimbladder.vehicle.schema import check_choice
 
 FEWEST = 3  # dives, or runs without dives: fewer leave no spread to be known
 _LET_IN = 0.1  # of the usual volume: less below 0 is a meter's noise
@@ -378,9 +379,7 @@ def fit_pump(
     NoAnswerError
         The runs cannot determine what is asked; the message names what lacks.
     """
-    if power_at not in get_args(PowerAt):
-        what, remedy = "a power is not read then", "Allowed: mean (over the run), end (of it)"
-        raise InputError(what, field="power_at", value=power_at, remedy=remedy)
+    check_choice(power_at, get_args(PowerAt), "a power is not read then", field="power_at")
     kept = np.isfinite([runs.duration, runs.pressure, runs.power]).all(axis=0)
     kept &= (runs.duration > 0.0) & (runs.duration >= min_run_time)
     kept &= runs.power != 0.0  # which no run takes: it was not measured

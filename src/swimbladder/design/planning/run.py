@@ -47,7 +47,7 @@ from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop import drive
 from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 _FREE = 4  # rounds without a leash: Newton's method mostly needs fewer
 _LEASH = 0.6  # what it shrinks by
@@ -516,10 +516,8 @@ def _lost(found: Plan) -> NoAnswerError:
 
 
 def _check(goal: str, arrive: str | None, duration: float | None) -> str:
-    if goal not in GOALS:
-        raise no_such("no such goal", goal, GOALS, field="goal")
-    if arrive is not None and arrive not in ARRIVALS:
-        raise no_such("no such arrival", arrive, ARRIVALS, field="arrive")
+    check_choice(goal, GOALS, "no such goal", field="goal")
+    check_choice(arrive, ARRIVALS, "no such arrival", field="arrive")
     if goal == "time":
         if duration is not None:
             what = "the goal time looks for the duration itself"

@@ -41,7 +41,7 @@ from swimbladder.io.files import write_atomically
 from swimbladder.io.logs import Log, read_log
 from swimbladder.io.tables import write_csv
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 PAPER = (20e-6, 30e-6, 45e-6, 75e-6)  # m3, section 3.1, each up and down
 _SHARE = 0.5  # of the volume that is free to either side of neutral
@@ -592,8 +592,7 @@ def _targets(given: float | Sequence[Target] | None, names: Sequence[str]) -> tu
             main = [name for name in names if name != "psi"]
         return tuple(Target(name, share) for name in main)
     for one in given:
-        if one.name not in names:
-            raise no_such("it is not identified", one.name, names, field="target_std")
+        check_choice(one.name, names, "it is not identified", field="target_std")
         unit, below = ("", 1.0) if one.relative else (NAMES[one.name].unit, None)
         check_number(one.std, "target_std", unit, above=0.0, below=below, most=math.inf, remedy=how)
     return tuple(given)

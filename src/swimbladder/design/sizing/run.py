@@ -45,6 +45,7 @@ from swimbladder.vehicle import (
     Valve,
     Vehicle,
 )
+from swimbladder.vehicle.schema import check_choice
 
 Least = Literal["mass", "energy"]
 Solve = Callable[[Dive], tuple[Requirements, Evaluation]]
@@ -172,9 +173,7 @@ def size(
     parts = load_parts() if parts is None else parts
     if cast is None and dive.battery_temperature is None:
         dive = dataclasses.replace(dive, battery_temperature=_COLDEST)
-    if goal not in get_args(Least):
-        what = "no such goal"
-        raise InputError(what, field="goal", value=goal, remedy="Allowed: mass, energy")
+    check_choice(goal, get_args(Least), "no such goal", field="goal")
     _check(body, dive, max_piston_stroke, max_mass)
     batch = combinations(parts, body.water)
 

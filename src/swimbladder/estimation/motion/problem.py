@@ -36,7 +36,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import IdentifiedActuator, Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 LAWS = ("linear", "quadratic", "blended")
 
@@ -127,9 +127,8 @@ def model_of(vehicle: Vehicle, *, law: str | None = None, bottom_depth: float) -
     """
     drag = vehicle.drag
     wanted = law or drag.law
-    if wanted not in LAWS:
-        field = "drag" if law else "motion.drag.law"
-        raise no_such("this drag law cannot be identified", wanted, LAWS, field=field)
+    field = "drag" if law else "motion.drag.law"
+    check_choice(wanted, LAWS, "this drag law cannot be identified", field=field)
     k_b, m = vehicle.water.specific_weight, vehicle.mass
     k_dl = drag.k_dl or drag.k_dt * _TYPICAL_SPEED
     k_dt = drag.k_dt or (k_dl / _TYPICAL_SPEED if wanted == "quadratic" else 0.0)

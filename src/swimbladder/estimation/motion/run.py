@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import islice, pairwise
+from typing import get_args
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -107,6 +108,7 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column
 from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.schema import check_choice
 
 _COARSE = 1e-3  # of the stroke, a step in which volumes are recorded, to say so
 _TO_AND_FRO = 4.0  # standard deviations: 95 % is between
@@ -417,9 +419,8 @@ def check_logs(
     check_distinct(logs)
     check_std("neutral_std", neutral_std, "m3")
     check_std("speed_std", speed_std, "m/s")
-    if drive not in (None, "volume", "voltage"):
-        what = "this does not drive the vehicle's model by itself"
-        raise InputError(what, field="drive", value=drive, remedy="Choose volume or voltage")
+    what = "this does not drive the vehicle's model by itself"
+    check_choice(drive, ("volume", "voltage"), what, field="drive")
 
 
 def check_std(field: str, value: float | None, unit: str) -> None:
@@ -574,9 +575,7 @@ def identify(
     """
     check_logs(logs, neutral_std, speed_std, drive)
     check_nuisances(drift_std, delay_std)
-    if process_noise not in ("auto", "always", "never"):
-        what, remedy = "there is no such mode", "Choose auto, always or never"
-        raise InputError(what, field="process_noise", value=process_noise, remedy=remedy)
+    check_choice(process_noise, get_args(ProcessNoise), "no such mode", field="process_noise")
     if posterior is not None:
         sampling_library()
     waters = water_of_each(len(logs), casts)

@@ -42,7 +42,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.chain import balance_steps, base_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice, no_such
 
 if TYPE_CHECKING:
     import xarray
@@ -249,8 +249,7 @@ def simulate_ensemble(
         A vehicle that floats cannot dive.
     """
     check_counts(count=(count, 1), seed=(seed, 0), workers=(workers, 1))
-    if keep not in ("summary", "trajectory"):
-        raise no_such("not a choice", keep, ("summary", "trajectory"), field="keep")
+    check_choice(keep, ("summary", "trajectory"), "not a choice", field="keep")
     chosen, numbers, tick = choose_law(vehicle, law, parameters, sample_time, pumped=True)
     times, _ = check_setpoints([(t, 0.0) for t, _ in setpoints], duration, tick)
     clock = schedule(times, duration, tick)
