@@ -42,7 +42,7 @@ from swimbladder.control.supervisor_limits import (
     time_limit,
 )
 from swimbladder.design.tuning.trial import usual_step
-from swimbladder.errors import InputError, Parameter
+from swimbladder.errors import InputError, Parameter, check_number
 from swimbladder.io.answers import Answer
 from swimbladder.io.files import check_place, publish
 from swimbladder.io.mission import of_step
@@ -412,13 +412,10 @@ def _controller(vehicle: Vehicle) -> tuple[Law, Any, float]:
 def _check_dive(mission: Mission, shallow: float) -> None:
     """Raise InputError where a float's golden mission is none."""
     start, target, duration = mission
-    for option, value, good, unit, what in (
-        ("step", start, start >= 0.0, "m", "a float starts at the surface, 0 m, or below it"),
-        ("step", target, target > shallow, "m", f"a float dives deeper than {shallow:.3g} m"),
-        ("duration", duration, duration > 0.0, "s", "a mission takes a finite time above 0"),
-    ):
-        if not (good and math.isfinite(value)):
-            raise InputError(what, field=option, value=value, unit=unit, remedy="Give another one")
+    check_number(start, "step", "m", least=0.0, remedy="A float starts at the surface or below it")
+    deeper = f"A float dives deeper than {shallow:.3g} m"
+    check_number(target, "step", "m", above=shallow, remedy=deeper)
+    check_number(duration, "duration", "s", above=0.0)
 
 
 def _in_pool(vehicle: Vehicle, pool: PoolOptions) -> Vehicle:

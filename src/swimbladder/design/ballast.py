@@ -652,7 +652,6 @@ def _with_ballast(hull: Hull, volume: float) -> tuple[HullPart, ...]:
 
 def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density: float) -> None:
     """Raise InputError for what cannot be asked."""
-    probability, speed = target.probability, target.speed
     deepest, height, stroke = columns[0].deepest, vehicle.hull.height, vehicle.stroke
     at, volume, out = target.neutral_depth, target.neutral_volume, target.freeboard
 
@@ -662,11 +661,10 @@ def _check(vehicle: Vehicle, columns: Sequence[Column], target: Target, density:
 
     for column in columns:
         check_rows(column)
-    what, remedy = "a probability from 50 % to below 100 % is asked for", "Write it like 95 %"
-    need(0.5 <= probability < 1.0, "probability", probability, "", what, remedy)
-    what = "no speed of a vehicle that moves by its volume"
-    remedy = "Give what it has to sink and rise with, 0 or more"
-    need(0.0 <= speed <= 2.0, "speed", speed, "m/s", what, remedy)
+    how = "Write it like 95 %"
+    check_number(target.probability, "probability", least=0.5, below=1.0, remedy=how)
+    how = "Give what it has to sink and rise with, by its volume"
+    check_number(target.speed, "speed", "m/s", least=0.0, most=2.0, remedy=how)
     what = "ballast that is not denser than the water does nothing"
     remedy = "Give the density of what you add, lead is 11340 kg/m3"
     need(density > float(columns[0].density[-1]), "material", density, "kg/m3", what, remedy)

@@ -301,7 +301,7 @@ def test_what_is_not_known_by_default_and_as_identified():
         ({"target": Target(neutral_depth=1.0, neutral_volume=1.0)}, "outside the stroke"),
         ({"target": Target(probability=1.0)}, "probability"),
         ({"target": Target(probability=0.0095)}, "probability"),
-        ({"target": Target(speed=10.0)}, "no speed"),
+        ({"target": Target(speed=10.0)}, "speed: it must be 0 or more and 2 at most"),
         ({"material": (1000.0, "water")}, "not denser than the water"),
     ],
 )
