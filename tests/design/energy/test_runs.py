@@ -91,9 +91,11 @@ def test_far_below_the_rating_is_a_wrong_unit():
 def test_a_pressure_far_too_small_is_said():
     """mbar taken for Pa: of what pressure takes a hundredth would reach the water."""
     r = exact()
-    assert not any("Check the units" in line for line in fit_sentences(fit_pump(r)))
     share = TRUTH["delivery"] / PER_PRESSURE
+    usual = [line for line in fit_sentences(fit_pump(r)) if "wrong scale" in line]
+    assert len(usual) == 1
+    assert f"{100.0 * share:.1f} % would reach" in usual[0]
     wrong = dataclasses.replace(r, pressure=0.01 * r.pressure)
-    said = [line for line in fit_sentences(fit_pump(wrong)) if "Check the units" in line]
+    said = [line for line in fit_sentences(fit_pump(wrong)) if "check them" in line]
     assert len(said) == 1
     assert f"{share:.1f} % would reach" in said[0]

@@ -575,9 +575,11 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     slope = fit.value("power_per_pressure")
     if "delivery" in fit.parameters and slope > 0.0:
         reaches = fit.value("delivery") / slope  # of the power that grows with the pressure
+        share = f"of what more pressure takes, {_percent(reaches)} would reach the water"
+        check = "nothing else in the runs shows a wrong scale of these"
         if not _LEAST < reaches < _MOST:
-            check = "Check the units of pressure and volume: of what more pressure takes"
-            yield f"{check}, {_percent(reaches)} would reach the water; pumps have 30 to 90 %."
+            check = "check them"
+        yield f"By the units of pressure and volume, {share}; pumps have 30 to 90 %: {check}."
     yield from _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:
