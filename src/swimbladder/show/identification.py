@@ -384,12 +384,9 @@ class DeepIdentificationShown(Shown[DeepIdentification]):
             words |= dict.fromkeys(("data", "prior"), "not identifiable")
         rows = []
         for name, e in self.found.parameters.items():
-            shown = shown_unit(e.unit) if e.unit else ""
-            factor = unit_factor(e.unit, shown) if e.unit else 1.0
-            value, std, low, high = (factor * x for x in (e.value, e.std, *e.ci95))
-            sure = (f"{std:.2g}", f"{low:.4g} to {high:.4g}")
-            sure = ("-", "-") if self.found.inconsistent else sure
-            rows.append((name, f"{value:.4g}", *sure, shown or "-", words[e.origin]))
+            r = row(name, e)
+            sure = ("-", "-") if self.found.inconsistent else (r.std, r.ci95)
+            rows.append((name, r.value, *sure, r.unit or "-", words[e.origin]))
         return Table(("", "value", "1 sigma", "95 % interval", "unit", "from"), rows)
 
     def _dives(self) -> Table:
