@@ -27,13 +27,13 @@ def test_only_models_that_may_be_the_best_are_fitted_to_the_last_digit(monkeypat
     """The truth is linear: no quadratic drag is near it, and a blended one only with psi."""
     solved, solve = [], diagnose.solve
 
-    def counted(problem, near, *, roughly=False):
-        solved.append((problem.model.law, "psi" in problem.names, roughly))
-        return solve(problem, near, roughly=roughly)
+    def counted(problem, starts, *, briefly):
+        solved.append((problem.model.law, "psi" in problem.names, briefly))
+        return solve(problem, starts, briefly=briefly)
 
     monkeypatch.setattr(diagnose, "solve", counted)
     identify(campaign(31, quantum=5e-3, steps=(2e-5, -7.5e-5)), FEUP_EM, profiles=False)
-    finely = {(law, psi) for law, psi, roughly in solved if not roughly}
+    finely = {(law, psi) for law, psi, briefly in solved if not briefly}
     assert finely == {("linear", False), ("blended", True)}
     assert len(solved) == 6
 

@@ -24,8 +24,8 @@ from swimbladder.estimation.estimates import (
     too_many,
     undetermined,
 )
-from swimbladder.estimation.motion.fit import Fit, autocovariance, backwards
-from swimbladder.estimation.motion.fit import fit as solve
+from swimbladder.estimation.motion.fit import Ended, Fit, autocovariance, backwards
+from swimbladder.estimation.motion.fit import compared as solve
 from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,
@@ -62,15 +62,15 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     # another is never less likely than it
     worth = float((each * counts).sum() / counts.sum())
 
-    def solved(other: Problem, begins: Begins[Fit]) -> Fit:
+    def solved(other: Problem, begins: Begins[Ended]) -> Ended:
         starts = [_moved(other, one, result, held=held) for one, result, held in begins]
-        if other.model.law == problem.model.law:  # what is without psi may be said
-            return solve(other, starts)
-        found = solve(other, starts, roughly=True)
-        near = found.objective < fit.objective + _DECISIVE
-        return solve(other, [found.x]) if near else found
+        same = other.model.law == problem.model.law  # what is without psi may be said
+        found = solve(other, starts, briefly=not same)
+        near = not same and found.objective < fit.objective + _DECISIVE
+        return solve(other, [found.x], briefly=False) if near else found
 
-    found = compared(problem, fit, vehicle, solved)
+    own = Ended(fit.x, fit.residual, fit.weight, fit.noise, fit.objective)
+    found = compared(problem, own, vehicle, solved)
     return with_probabilities(
         [_choice(other, one, psi, worth, reported=other is problem) for other, psi, one in found]
     )
@@ -107,7 +107,7 @@ def _holds(other: Problem, one: Problem) -> bool:
     return same and len(other.names) > len(one.names)
 
 
-def _moved(other: Problem, problem: Problem, fit: Fit, *, held: bool) -> Array:
+def _moved(other: Problem, problem: Problem, fit: Ended, *, held: bool) -> Array:
     """Return x of another model at what one was fitted to, in which it may be held."""
     x = other.begin(begin_of(other, problem, problem.named(fit.x), held=held))
     x[other.shared :] = fit.x[problem.shared :]
@@ -242,7 +242,7 @@ def _worth(coefficients: tuple[float, ...], n: int) -> float:
     return float(1.0 / max(2.0 * gamma.sum() - 1.0, 1.0))
 
 
-def _choice(problem: Problem, fit: Fit, psi: Psi, worth: float, *, reported: bool) -> Choice:
+def _choice(problem: Problem, fit: Ended, psi: Psi, worth: float, *, reported: bool) -> Choice:
     return Choice.of(
         problem,
         psi,

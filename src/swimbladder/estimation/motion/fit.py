@@ -343,10 +343,9 @@ def _speed(time: Array, depth: Array) -> Array:
     return np.asarray(np.gradient(smooth, time))
 
 
-Found = tuple[float, Array, Array]  # objective, x, noise [m] of each experiment
-
 _ROUNDS = 12  # of weights and noise
 _FEW_ROUNDS = 4  # that begin next to where they end, or have only to distinguish models
+_FINE, _COARSE = 1e-8, 1e-4  # relative change of x and sum, at which least squares end
 _FEW_FOLDS, _MOST_FOLDS = 3, 40  # e-folds over a log, beyond which a motion is unstable in it
 _ASTRAY = 4.0  # times the noise, a residual of a model that does not follow
 _CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
@@ -378,14 +377,31 @@ class Fit:
     data: Array  # [len(x), len(x)], information of the data alone, with autocorrelated residuals
 
 
-def fit(problem: Problem, near: list[Array] | None = None, *, roughly: bool = False) -> Fit:
+class Ended(NamedTuple):
+    """Where a search ended, as `Fit` has it."""
+
+    x: Array
+    residual: Array
+    weight: Array
+    noise: Array
+    objective: float
+
+
+def fit(problem: Problem, near: list[Array] | None = None) -> Fit:
     """Return the best fit that is reached from x next to it, or from where the data may be.
 
     near: x next to the best, where it is known; else the vehicle's own values and a regression's.
-    roughly: to the digits that distinguish models.
     """
     starts = _starts(problem) if near is None else near
-    return finish(problem, _best_of(problem, starts, roughly=roughly)[1])
+    return finish(problem, _best_of(problem, starts, _ROUNDS, _FINE).x)
+
+
+def compared(problem: Problem, starts: list[Array], *, briefly: bool) -> Ended:
+    """Return the best end from some x, to the digits that distinguish models.
+
+    briefly: after a few rounds of weights.
+    """
+    return _best_of(problem, starts, _FEW_ROUNDS if briefly else _ROUNDS, _COARSE)
 
 
 def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float] | None:
@@ -393,8 +409,8 @@ def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float
 
     begin: near which it is sought; noise [m]: of the depth. None where the residual is more.
     """
-    found = (_solve(problem, x, roughly=True) for x in _begins(problem, [begin]))
-    objective, x, left = min(found, key=lambda one: one[0])
+    found = (_solve(problem, x, _FEW_ROUNDS, _FINE) for x in _begins(problem, [begin]))
+    x, *_, left, objective = min(found, key=lambda one: one.objective)
     behind = float((np.diff(problem.rows) * np.log(np.maximum(left, _FINEST) / noise)).sum())
     if behind > _BEHIND + _OF_EACH * len(left):
         return None
@@ -402,13 +418,13 @@ def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float
     return x, own - _OWN_NUMBERS * len(left)
 
 
-def _best_of(problem: Problem, starts: list[Array], *, roughly: bool) -> Found:
+def _best_of(problem: Problem, starts: list[Array], rounds: int, fine: float) -> Ended:
     """Return the best solution from the starts, the first that is clean."""
-    found: list[Found] = []
+    found: list[Ended] = []
     for start in _begins(problem, starts):
-        found.append(_solve(problem, start, roughly=roughly))
-        best = min(found, key=lambda one: one[0])
-        if _excess(problem, best[2]) < _CLEAN:
+        found.append(_solve(problem, start, rounds, fine))
+        best = min(found, key=lambda one: one.objective)
+        if _excess(problem, best.noise) < _CLEAN:
             break
     return best
 
@@ -422,7 +438,7 @@ def _begins(problem: Problem, starts: list[Array]) -> Iterator[Array]:
             begun, x = folds, _grown(problem, x, 2 * folds)
         if begun and x is not None:
             found.append(x)
-    yield from sorted(found, key=lambda x: _begun(problem, x)[0])
+    yield from sorted(found, key=lambda x: _ended(problem, x).objective)
 
 
 def _follows(problem: Problem, x: Array) -> bool:
@@ -533,25 +549,24 @@ def _noise(problem: Problem, residual: Array, weight: Array) -> Array:
     return pooled(np.array(found), np.array(freedom))
 
 
-def _solve(problem: Problem, x: Array, *, roughly: bool) -> Found:
-    """Return (objective, x, noise) at the end of rounds of weights, noise and least squares.
+def _solve(problem: Problem, x: Array, rounds: int, fine: float) -> Ended:
+    """Return the end of rounds of weights, noise and least squares.
 
     Where it began, if that is better: along an unstable vehicle no step may lead further.
     """
     low, high = problem.bounds()
     x = np.clip(x, low, high)
-    begun = _begun(problem, x)
+    begun = _ended(problem, x)
     residual = problem.residual(x)
     noise = _robust_noise(problem, residual)
     settled = False
-    for n in range(_FEW_ROUNDS if roughly else _ROUNDS):
+    for n in range(rounds):
         weight = weights(residual / _each(problem, noise))
         if settled:  # no outlier is near any more: the efficient estimate of the noise
             noise = _noise(problem, residual, weight)
         root = np.sqrt(weight) / _each(problem, noise)
-        final, most = n > 1 and not roughly, 40 if n == 0 else 12  # weights are not final at first
-        fine = 1e-8 if final else 1e-4
-        before, x = x, _least(problem, x, root, fine=fine, most=most)
+        ends = fine if n > 1 else _COARSE  # weights are not final at first
+        before, x = x, _least(problem, x, root, fine=ends, most=40 if n == 0 else 12)
         step = float(np.abs(x - before).max())
         residual = problem.residual(x)
         if settled and step < 1e-3:
@@ -559,16 +574,7 @@ def _solve(problem: Problem, x: Array, *, roughly: bool) -> Found:
         settled = settled or step < 0.03
         if not settled:
             noise = _robust_noise(problem, residual)
-    noise = _final_noise(problem, residual, noise)
-    ended = _objective(problem, x, residual, noise), x, noise
-    return min(begun, ended, key=lambda one: one[0])
-
-
-def _begun(problem: Problem, x: Array) -> Found:
-    """Return (objective, x, noise) at x."""
-    residual = problem.residual(x)
-    noise = _final_noise(problem, residual, _robust_noise(problem, residual))
-    return _objective(problem, x, residual, noise), x, noise
+    return min(begun, _ended(problem, x), key=lambda one: one.objective)
 
 
 def _final_noise(problem: Problem, residual: Array, noise: Array) -> Array:
@@ -586,12 +592,18 @@ def _objective(problem: Problem, x: Array, residual: Array, noise: Array) -> flo
     return float(cost(residual, _each(problem, noise)).sum() + (prior**2).sum())
 
 
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # slopes beyond all bounds
-def finish(problem: Problem, x: Array) -> Fit:
-    """Return everything that is known at x."""
+def _ended(problem: Problem, x: Array) -> Ended:
     residual = problem.residual(x)
     noise = _final_noise(problem, residual, _robust_noise(problem, residual))
     weight = weights(residual / _each(problem, noise))
+    return Ended(x, residual, weight, noise, _objective(problem, x, residual, noise))
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # slopes beyond all bounds
+def finish(problem: Problem, x: Array) -> Fit:
+    """Return everything that is known at x."""
+    end = _ended(problem, x)
+    residual, noise, weight = end.residual, end.noise, end.weight
     slope = problem.slope(x)
     P = problem.prior_rows(x)[1]
     rows = [slice(a, b) for a, b in pairwise(problem.rows)]
@@ -607,12 +619,8 @@ def finish(problem: Problem, x: Array) -> Fit:
     covariance = inverse @ (B + prior) @ inverse
     covariance = _positive(0.5 * (covariance + covariance.T))
     return Fit(
-        x=x,
-        residual=residual,
-        weight=weight,
+        **end._asdict(),
         root=root,
-        noise=noise,
-        objective=_objective(problem, x, residual, noise),
         slope=slope,
         ar=seen,
         ar_noise=found,
