@@ -24,6 +24,7 @@ from swimbladder.design.tuning.trial import (
     draw,
     energy_of,
     fly,
+    traces,
     trial,
 )
 from swimbladder.errors import InputError, NoAnswerError
@@ -169,10 +170,31 @@ def test_each_goal_prefers_what_it_is_about():
     for goal, best in (("fast", sooner), ("quiet", calmer), ("energy", cheaper)):
         every = (base, sooner, calmer, cheaper, lost)
         assert min(every, key=lambda t: float_score(goal, t, 10.0)) is best
+        wide = best._replace(overshoot_95=0.5)  # farther than asked by half of its way
+        assert min((wide, base), key=lambda t: float_score(goal, t, 10.0, 100.0)) is base
+        assert min((wide, base), key=lambda t: float_score(goal, t, 10.0, 15.0)) is wide  # its band
     unknown = base._replace(energy=math.nan, power=math.nan)
     assert float_score("quiet", unknown._replace(rate=1e-11), 10.0) < float_score(
         "quiet", unknown, 10.0
     )
+
+
+@pytest.mark.parametrize("start", [0.0, 3.0])
+@pytest.mark.parametrize("supervised", [False, True])
+def test_a_flight_from_the_surface_begins_afloat(start, supervised):
+    """It began neutral up there; its board took all volume for out, let in as much, and overshot.
+
+    By 23 % where the law is the preset's; the law alone, which knew better, did not.
+    """
+    step = Step(start, 300.0, 7200.0)
+    drawn = Drawn(2, None, supervised=supervised, tick=1.0)
+    flown = traces(FLOAT, BOUND, step, drawn)
+    assert flown.volume[0, 0] == FLOAT.stroke.maximum
+    assert flown.depth[0, 0] < 0.2
+    assert flown.depth[0, 1] == 300.0
+    assert trial(FLOAT, BOUND, step, drawn).overshoot_95 < 0.05
+    let_in = flown.actions[0][0, 1]
+    assert -let_in < FLOAT.stroke.maximum - FLOAT.trim_error + 30e-6
 
 
 @pytest.mark.parametrize("supervised", [False, True])

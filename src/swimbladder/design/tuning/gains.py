@@ -51,6 +51,7 @@ from swimbladder.vehicle.schema import no_such
 _say = partial(say, "design", "tuning")
 
 OVERSHOOT = 0.03  # in 95 % of the runs, that a fast law may have
+BEYOND = 0.1  # of its way, in 95 % of the runs, that a float may go farther where its band is less
 OF_LEAST = 1.5  # times the least time, within which it has to settle in 95 % of the runs
 SETTLED = 0.95  # of the runs, that have to settle
 OF_HELD = 1.05  # times the rms that was asked for, which a trial has to within as much
@@ -376,13 +377,15 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     return (off, max(t.rate / _MOVED, 1.0), (t.starts + t.turns) * (1.0 + t.overshoot_95))
 
 
-def float_score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
+def float_score(goal: str, t: Trial, held: float, way: float = math.inf) -> tuple[float, ...]:
     """Return what is to be small of a float: the time to its depth, what holding takes, or all.
 
-    Where no energy is known, what is moved counts in its place.
+    Before that it is not to go beyond its depth by more than its band, `held` [m], or a tenth of
+    its way [m]. Where no energy is known, what is moved counts in its place.
     """
     arrives = t.settle_95 if math.isfinite(t.settle_95) else 1e9
-    stays = (round(1.0 - t.settled, 2), max(t.rms / held, 1.0))
+    beyond = round(max(t.overshoot_95 / max(BEYOND, held / way), 1.0), 1)
+    stays = (round(1.0 - t.settled, 2), max(t.rms / held, 1.0), beyond)
     if goal == "fast":
         return (*stays, round(20.0 * math.log(arrives)), t.starts)
     power, energy = (t.power, t.energy) if math.isfinite(t.power) else (t.rate, t.rate)
@@ -563,8 +566,10 @@ class Search:
         """Return what is to be small of a tuning, the tuning, and its trial."""
         flown = self.vehicle, self.bound(tuning), self.asked.step
         found = trial_of(*flown, drawn, ballast=self.asked.promise.ballast)
-        rank = score if self.law.ways is None else float_score
-        return rank(self.asked.name, found, self.asked.held), tuning, found
+        goal, held, _, step, _, _ = self.asked
+        if self.law.ways is None:
+            return score(goal, found, held), tuning, found
+        return float_score(goal, found, held, abs(step.target - step.start)), tuning, found
 
     def over(
         self, tuning: TuningParameters, wanted: Margins, judge: margins.Judge, *, nominal: bool

@@ -27,6 +27,7 @@ from swimbladder.physics.electric import electrical_power, largest_voltage, wind
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
+from swimbladder.sim.closed_loop.floats import surface_zone
 from swimbladder.sim.closed_loop.water import SEAS, Medium, depth_error, medium_of
 from swimbladder.vehicle import Vehicle
 
@@ -234,9 +235,8 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     if supervised and bound.law.ways is None:
         before = held_before(bound.sample_time)
         duration += before
-    neutral = [medium.neutral_volume(z) for z in (step.start, step.target)]
     if bound.law.ways is None:
-        given["start_volume"] = neutral[0]
+        given["start_volume"] = medium.neutral_volume(step.start)
         if math.isfinite(supply):
             vary["supply"] = supplies(vehicle, drawn)
         if region is not None and "V_0" not in drawn.known:
@@ -247,11 +247,22 @@ def traces(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Runs:
     else:
         given["flashed"], vehicle = vehicle, at_voltage(vehicle, supply)
         down = np.arange(runs) % 2 == 0
-        given["target"], given["start_depth"] = np.where([down, ~down], step.target, step.start)
-        given["start_volume"] = np.where(down, *neutral)
+        begins = np.array([_begin(vehicle, medium, z) for z in (step.start, step.target)])
+        given["target"] = np.where(down, step.target, step.start)
+        given["start_depth"], given["start_volume"] = np.where(down[:, None], *begins).T
         given |= {"supervised": supervised, "tick": drawn.tick}
     given |= {"vary": vary, "seed": seed, "cast": column, "count": runs}
     return fly(vehicle, bound, duration=step.duration, before=before, **given)
+
+
+def _begin(vehicle: Vehicle, medium: Medium, depth: float) -> tuple[float, float]:
+    """Return depth [m] and volume [m3] with which a float begins: afloat where it comes up.
+
+    Nowhere else is its volume known to its board, which takes it for all out up there.
+    """
+    if depth <= surface_zone(vehicle.hull):
+        return 0.0, vehicle.stroke.maximum
+    return depth, medium.neutral_volume(depth)
 
 
 def supplies(vehicle: Vehicle, drawn: Drawn) -> Array:

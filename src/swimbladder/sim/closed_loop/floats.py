@@ -183,7 +183,7 @@ _EXACT = Accuracy(
     relative=1e-6, depth=1e-5, speed=1e-7, volume=1e-12, rest_deep=1e-4, rest_afloat=1e-3
 )
 _AT_SURFACE = 1e-9  # m
-_SHALLOW = 5.0  # m, the least of `_shallow`
+_SHALLOW = 5.0  # m, the least of `surface_zone`
 _SPEED, _PAUSE = 0.1, 60.0  # m/s and s of a law that states neither
 _MARGIN, _BELOW = 1.2, 100.0  # of the deepest depth, and m: how far the table goes on
 _VARIED = (*DragTerms._fields, "V_min", "V_max", "z_surface", "a_s", "z_air", "z_bottom")
@@ -215,8 +215,8 @@ class FloatModel:
 
         parameters: of the law by name, each [lanes]; plants [len(Plant), lanes]: of the body; what
         a lane has of its own is taken from there. A volume V that is nan: neutral, or at a depth
-        of 0 all out. noted: room for what happens with its time. rates: of pump and valve over
-        what the processor knows [len(RATES), lanes].
+        of 0 all out; all out there: afloat. noted: room for what happens with its time. rates: of
+        pump and valve over what the processor knows [len(RATES), lanes].
         """
         count = plants.shape[1]
         given = np.array([self.given] * count, self.given.dtype)
@@ -234,7 +234,7 @@ class FloatModel:
         board = np.zeros((count, BOARD))
         for n in range(count):
             _, asked, z, w = start[:, n].tolist()
-            if math.isnan(asked):
+            if math.isnan(asked) or (z <= 0.0 and asked >= self.vehicle.stroke.maximum):
                 asked = None
             else:
                 z = max(z, _AT_SURFACE)  # not afloat with all volume out
@@ -275,7 +275,7 @@ def surfacing_of(
     own = drag_force(vehicle.drag, speed) / vehicle.water.specific_weight
     slack = parameters["coefficient"] * speed**2 if "coefficient" in parameters else own
     found = SurfacingParameters(
-        shallow=_shallow(hull),
+        shallow=surface_zone(hull),
         neutral=vehicle.trim_error,
         full=stroke.maximum,
         negligible=FULL * (stroke.maximum - stroke.minimum),
@@ -302,11 +302,11 @@ def float_model(
         column = uniform_column(vehicle.water, _MARGIN * max(reach, 0.0) + _BELOW)
     table, why = make_table(vehicle, column)
     given = given_of(vehicle, column, bottom=medium.plant.z_bottom, accuracy=_EXACT)
-    given["shallow"] = _shallow(vehicle.hull)
+    given["shallow"] = surface_zone(vehicle.hull)
     return FloatModel(vehicle, column, medium.plant, given, table, why, seconds)
 
 
-def _shallow(hull: Hull) -> float:
+def surface_zone(hull: Hull) -> float:
     """Return the depth [m] above which a float is about to dive, or has come up."""
     return max(_SHALLOW, hull.emergence_depth + 0.1 * hull.height)
 
