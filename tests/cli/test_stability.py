@@ -111,6 +111,17 @@ def test_a_positioner_has_eigenvalues_and_maps_but_no_describing_function(capsys
     assert "The actuator takes a volume" in said or "UNSTABLE" in said
 
 
+def test_depths_are_those_of_the_controller_where_none_are_asked_for(capsys, tmp_path):
+    """A float tuned for 100 to 1500 m was judged from 0 to 10 m."""
+    v = load_vehicle("ntnu-bv")
+    tuned = v.controller.model_copy(update={"depths": (0.2, 1.2)})
+    path = tmp_path / "tuned.toml"
+    path.write_text(vehicle_file(v.model_copy(update={"controller": tuned})), encoding="utf-8")
+    for vehicle, depths in ((str(path), [0.2, 1.2]), ("ntnu-bv", [0.0, 10.0])):
+        main(["stability", vehicle, "--no-maps", "--json", "--out", str(tmp_path / "out")])
+        assert json.loads(capsys.readouterr().out)["depths_m"] == depths
+
+
 def test_a_float_is_followed_from_decision_to_decision(capsys, tmp_path):
     """By its law alone, also where its file has a table of a supervisor."""
     out, path = tmp_path / "out", tmp_path / "watched.toml"

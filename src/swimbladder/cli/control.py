@@ -195,7 +195,7 @@ def _list(
 class Disturbed(Options):
     """What is looked at, as `design.stability.stability` has it."""
 
-    depth_range: str = valued("LEAST:MOST", "Depth range.", "0:10 m")
+    depth_range: Given = valued("LEAST:MOST", "Depth range (as tuned, or 0:10 m).")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
     within: Given = valued("TIME", "Recovery time (600 s; floats: 1.5 times the way and an hour).")
     cells: int = valued("N", "Cells of a map per side.", 21)

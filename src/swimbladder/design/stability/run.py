@@ -268,6 +268,7 @@ _BETWEEN = (
     "Eigenvalues, margins and limit cycles are those of the law, between the supervisor's pushes; "
     "maps and wrong gains are of both together, as flashed."
 )
+_DEPTHS = 0.0, 10.0  # m, where the controller says of none that it was tuned for them
 _SOON = 600.0  # s, in which a disturbance is to be gone
 _AROUND = 1.5  # times its tolerance: a law of volume changes lets it drift to the edge of that
 _BAND = 0.05  # m, from the set-point, that counts as there
@@ -280,7 +281,7 @@ _ENDLESS = {"V_min": -1.0, "V_max": 1.0, "z_surface": -1e4, "z_air": -2e4}
 def stability(
     vehicle: Vehicle,
     *,
-    depth_range: tuple[float, float] = (0.0, 10.0),
+    depth_range: tuple[float, float] | None = None,
     delay: float = 0.1,
     within: float | None = None,
     cells: int = 21,
@@ -300,7 +301,8 @@ def stability(
     vehicle
         As `load_vehicle` returns it, with a controller.
     depth_range
-        Least and greatest [m].
+        Least and greatest [m]; none: what the controller was tuned for, 0 to 10 m where that is not
+        known.
     delay
         From a sample to its command, as a share of the sample time [-], below 1.
     within
@@ -340,7 +342,8 @@ def stability(
     NoAnswerError
         One of `laws` cannot be tuned for this vehicle.
     """
-    depths = depth_range
+    tuned = None if vehicle.controller is None else vehicle.controller.depths
+    depths = depth_range or ((tuned[0], tuned[-1]) if tuned else _DEPTHS)
     gains.check_depths(depths, vehicle.hull.emergence_depth)
     how = "Give a share of the sample time"
     check_number(delay, "delay", least=0.0, below=1.0, remedy=how)
