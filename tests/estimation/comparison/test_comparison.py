@@ -599,6 +599,17 @@ def test_a_tank_log_whose_depths_are_heights_is_no_answer(data_dir, float_vehicl
     assert not answer.possible
 
 
+@pytest.mark.data
+@pytest.mark.parametrize("number", [51, pytest.param(35, marks=pytest.mark.prove)])
+def test_a_tank_log_in_reverse_order_is_named(data_dir, float_vehicle, number):
+    """Its volumes explain most of the depths both ways: with little drag time has no direction."""
+    log = mission(data_dir, number)
+    turned = replace(log, depth=log.depth[::-1], piston=log.piston[::-1])
+    answer = compare(turned, float_vehicle)
+    assert "the rows are in reverse order" in answer.findings[0].sentence
+    assert not answer.possible
+
+
 def test_a_log_in_reverse_order_is_named(float_vehicle, voyage, as_it_is):
     wrong = replace(voyage, depth=voyage.depth[::-1], volume=voyage.volume[::-1])
     answer = compare(wrong, float_vehicle)

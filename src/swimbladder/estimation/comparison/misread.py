@@ -134,7 +134,7 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
     found, *fits = ((one, read(one)) for one in _READINGS if drive in one.of)
     best, known = min(fits, key=lambda pair: pair[1].off)
     force, explained = found[1]
-    better = known.off < _BETTER * found[1].off
+    better = known.off < (_BETTER if best.ahead > 0 else _BACKWARDS) * found[1].off
     if known.near(*_CLOSE) and known.explained > _SURE and better:
         names = ["depth"] * (best.of_depth < 0.0) + [drive] * (best.of_drive < 0.0)
         texts = [sentence("compare", "misread", name) for name in names]
@@ -181,7 +181,8 @@ _READINGS = (
 )
 _RIGHT, _SURE = (0.33, 3.0), 0.8  # of the vehicle's force, and of the variance explained
 _CLOSE = (0.75, 1.33)  # of the force, within which another reading is right
-_BETTER = 0.25  # of what is not explained as read: less makes another reading the right one
+# of what is not explained as read: less makes another reading, or the reverse order, the right one
+_BETTER, _BACKWARDS = 0.25, 0.5
 
 
 def _others(seconds: float | None) -> list[tuple[float, str | None]]:

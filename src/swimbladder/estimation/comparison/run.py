@@ -665,7 +665,9 @@ def compare(
     said, without = (findings if wrong is None else [wrong]), math.inf
     unlikely = rec.drive != "setpoint" and beyond and not sure and not explained > _WHOLE
     still = unlikely and is_still(rec.drive, rec.inputs, vehicle)
-    if names and unlikely and not still and all(f.severity != "no" for f in said):
+    least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
+    lost = bool(names) and not explained >= least and beyond
+    if names and unlikely and not (still or lost) and all(f.severity != "no" for f in said):
         without = _without(vehicle, rec, names, rms(off) / _IDLE)
     idle = _IDLE * without < rms(off)
     if wrong is not None:
@@ -678,8 +680,6 @@ def compare(
         apart = {"rms": rms(off), "without": without}
         findings.append(Finding.of("compare", "no better", drive=rec.drive, **apart))
     elif not explained >= _HALF:
-        least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
-        lost = bool(names) and not explained >= least and beyond
         findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
     return Comparison(
         source=log.source,
@@ -711,9 +711,10 @@ def _without(vehicle: Vehicle, rec: Record, names: Sequence[str], good: float) -
     As it fits best, or until it is as `good`.
     """
     stays = replace(rec, drive="volume", volume=np.full_like(rec.time, _guess(vehicle, rec)))
+    stays = thinned(stays, _MOST // 10)  # nothing in it is quick
     fitted, start, *_ = adjust(vehicle, stays, names, good=good)
-    off = run(fitted, stays, start)[0] - rec.depth
-    return rms(off[rec.compared])
+    off = run(fitted, stays, start)[0] - stays.depth
+    return rms(off[stays.compared])
 
 
 _IDLE = 0.95  # of that error: a drive that takes less off it says nothing
