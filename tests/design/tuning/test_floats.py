@@ -12,7 +12,7 @@ from swimbladder.control.rate import candidates, gains
 from swimbladder.control.registry import bind
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning import tune
-from swimbladder.design.tuning.gains import float_score, setting_of
+from swimbladder.design.tuning.gains import float_score, limiting, promise_of, setting_of
 from swimbladder.design.tuning.margins import in_water
 from swimbladder.design.tuning.region import FLOATS, member, region
 from swimbladder.design.tuning.trial import (
@@ -301,6 +301,31 @@ def test_where_no_setting_does_it_the_answer_is_no_and_why(vehicle, options, wor
     with pytest.raises(NoAnswerError) as told:
         tune(vehicle, runs=20, **({"depth_range": DEPTHS} | options))
     assert words in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("known", "said"),
+    [
+        ("d_t", "the motion (mass and drag): logs of dives that differ"),
+        ("psi", "psi: logs of dives that differ"),
+        ("valve", "pump and valve: runs of both with volume and pressure, and `energy --fit`"),
+        ("all", "all parameters together, of none alone: logs of dives that differ"),
+    ],
+)
+def test_what_limits_a_float_is_narrowed_by_its_dives_and_runs(known, said, monkeypatch):
+    """It was told to go to a pool and follow `design-experiment`, for a dive to 1500 m."""
+    kept = Trial(20, 1.0, 3600.0, 4000.0, 0.0, 0.0, 5.0, 1e-10, 1e-4, 1e-4, 3000.0, 0.01)
+    broken = kept._replace(settled=0.5)
+
+    def flown(_vehicle, _law, _step, drawn, *, ballast):  # noqa: ARG001
+        return kept if known in drawn.known or drawn.region is None else broken
+
+    monkeypatch.setattr("swimbladder.design.tuning.gains.trial_of", flown)
+    promise = promise_of(FLOAT, "energy", least=math.nan, held=10.0, supervised=True)
+    drawn = Drawn(20, AROUND, supervised=True, tick=1.0)
+    found = limiting(FLOAT, [BOUND], Step(100.0, 300.0, 3600.0), drawn, promise, broken, {})
+    assert said in found
+    assert "pool" not in found
 
 
 def test_what_does_not_go_together_is_refused():

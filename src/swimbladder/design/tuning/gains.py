@@ -166,6 +166,17 @@ _CAUSES = (
         "several logs in the water of the mission, and `identify` on all of them, narrow that",
     ),
 )
+_DIVES = "logs of dives that differ in speed and depth, and `identify --cast` on them, narrow that"
+_OF_FLOATS = (
+    Cause("what is not known of the motion (mass and drag)", _CAUSES[0].known, _DIVES),
+    Cause(_CAUSES[1].words, _CAUSES[1].known, _DIVES),
+    Cause(
+        "what is not known of pump and valve",
+        frozenset({"pump", "valve"}),
+        "runs of both with volume and pressure, and `energy --fit` on them, narrow that",
+    ),
+    _CAUSES[3],
+)
 _FRICTION = Cause(
     "the dry friction of the motor, and of a screw that the sea does not push back",
     frozenset({"friction"}),
@@ -184,10 +195,7 @@ _VEHICLE = (
     "What limits it is the vehicle itself, as well as it is known{}. A shorter step, a greater "
     "error allowed or another law may help."
 )
-_TOGETHER = (
-    "What limits it is the uncertainty of all parameters together, of none alone: a pool day as "
-    "`design-experiment` plans it, and `identify` on its logs, narrow it."
-)
+_TOGETHER = "What limits it is the uncertainty of all parameters together, of none alone: {}."
 
 
 def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
@@ -201,7 +209,7 @@ def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
         if without.plants != region.plants and held(without):
             return f"What limits it is {cause.words}: {cause.remedy}."
     if held(region._replace(plants=region.plants[:1])):
-        return _TOGETHER
+        return _TOGETHER.format(_CAUSES[0].remedy)
     return ""
 
 
@@ -249,7 +257,8 @@ def limiting(
 
     whole, sensors = violation(promise, found), vehicle.sensors
     outcomes = []
-    causes = [*(_CAUSES if drawn.region is not None else ())]
+    own = _OF_FLOATS if promise.floats else _CAUSES
+    causes = [*(own if drawn.region is not None else ())]
     if vehicle.voltage_driven and any(friction_of(plant(vehicle))):
         causes.append(_FRICTION)
     for cause in causes:
@@ -272,7 +281,7 @@ def limiting(
         return f"What limits it is {words}."
     nominal = left(vehicle, drawn.nominal)
     if nominal <= _HELPS * whole:
-        return _TOGETHER
+        return _TOGETHER.format(own[0].remedy)
     alone = drawn.nominal._replace(supervised=False)
     if drawn.supervised and left(vehicle, alone) < _HELPS * nominal:
         return _SUPERVISOR
