@@ -479,3 +479,12 @@ def test_a_float_with_a_table_of_it_is_flown_under_its_supervisor(
     assert np.abs(columns["run_s"]).max() == 1.0  # a sample
     alone = answer(capsys, vehicle_file(tmp_path, text=text), "--unsupervised", *given)
     assert alone["supervised"] is False
+    # where its board takes all volume for out, it let in as much and overshot by a quarter
+    shallow = ["--step", "0.5:50", "--duration", "60", "--out", str(tmp_path / "none")]
+    assert main(["simulate", str(vehicle_file(tmp_path, text=text)), *shallow]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "--step: the board of a float takes all volume for out up there" in said
+    assert "Begin afloat, at 0 m, or below 5 m." in said
+    assert not (tmp_path / "none").exists()
+    unsupervised = [str(vehicle_file(tmp_path, text=text)), "--unsupervised", *shallow]
+    assert main(["simulate", *unsupervised]) == 0

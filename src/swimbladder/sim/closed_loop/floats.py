@@ -242,6 +242,10 @@ class FloatModel:
             x["w"][n] = w
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
+            if self.seconds and z <= up.shallow and not (asked is None and z <= 0.0):
+                what = "the board of a float takes all volume for out up there, and it is not"
+                remedy = f"Begin afloat, at 0 m, or below {up.shallow:g} m"
+                raise InputError(what, field="start_depth", value=z, unit="m", remedy=remedy)
             board[n, : len(up)], board[n, PAUSE] = up, pause
             x["z_sample"][n] = x["z"][n]
             board[n, DIVES] = 0.0 if x["v"][n] >= up.full - up[3] else 1.0

@@ -262,7 +262,8 @@ def simulate(
             raise InputError(what, field="parts", value=parts, remedy="Leave it out")
         model = float_model(vehicle, medium, cast, reach=reach, seconds=bool(watch))
         start[1] = math.nan if start_volume is None else start_volume
-        return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
+        with of_step(setpoints is None and mission is None):
+            return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
     divided = balance_steps(p, tick, start_speed, layers) if parts is None else parts
     block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
     run = fly(block)
