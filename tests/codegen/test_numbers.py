@@ -399,7 +399,7 @@ def test_a_loop_made_for_want_of_a_cascade_is_slow_against_the_sample_time():
         (PoolOptions(4.5, clearance=0.1001), None),
         (PoolOptions(4.5, clearance=0.1), "rest clear of it"),
         (PoolOptions(4.5, volume_changes=(20e-6, 20e-6), rounds=1), None),
-        (PoolOptions(4.5, rounds=-1), "one at least"),
+        (PoolOptions(4.5, rounds=-1), "at least 1 "),
     ],
 )
 def test_room_in_a_pool_to_the_centimetre(options, refused):
