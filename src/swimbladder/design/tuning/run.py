@@ -22,7 +22,7 @@ from swimbladder.design.tuning.gains import broken, least_of, limiting, promise_
 from swimbladder.design.tuning.region import Region, region
 from swimbladder.design.tuning.result import Tuning
 from swimbladder.design.tuning.trial import Trial
-from swimbladder.errors import InputError, NoAnswerError, SwimbladderError
+from swimbladder.errors import InputError, NoAnswerError, SwimbladderError, check_number
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
 from swimbladder.physics.arrays import Array
@@ -35,7 +35,7 @@ from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
 from swimbladder.units import rounded, say
 from swimbladder.vehicle import Controller, DatasheetPump, Positioner, PumpAndValve, Vehicle
-from swimbladder.vehicle.schema import no_such
+from swimbladder.vehicle.schema import check_choice
 
 _say = partial(say, "design", "tuning")
 
@@ -243,15 +243,13 @@ def search_gains(
     explained: whether, where there are none, an error says what would give the first law some.
     """
     goal, depths, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
-    if goal not in gains.GOALS:
-        raise no_such("no such goal", goal, gains.GOALS, field="goal")
+    check_choice(goal, gains.GOALS, "no such goal", field="goal")
     names = laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)
     gains.check_depths(depths)
-    if not 0.0 <= delay < 1.0:
-        what, remedy = "a delay is given as a share of the sample time", "Give 0 or more, below 1"
-        raise InputError(what, field="delay", value=delay, remedy=remedy)
+    how = "Give a share of the sample time"
+    check_number(delay, "delay", least=0.0, below=1.0, remedy=how)
     if runs < _LEAST_RUNS:
         raise InputError("too few runs", field="runs", value=runs, remedy=f"Give {_LEAST_RUNS}")
     h = vehicle.sampled_every(sample_time)
@@ -301,13 +299,16 @@ def search_gains(
     found = {name: x.answer for name, x in tuned.items()}
     unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
     if not found:
-        why = "; ".join(f"{name}: {str(reason).rstrip('.')}" for name, reason in unfit.items())
         refused = [name for name in names if isinstance(unfit[name], NoAnswerError)]
-        instead = request.instead(refused[0]) if explained and refused else ""
-        if len(names) == 1 and not instead:
-            raise unfit[names[0]]
-        why = str(unfit[names[0]]) if len(names) == 1 else f"no law has gains for this. {why}"
-        raise NoAnswerError(f"{why.rstrip('.')}. {instead}".rstrip())
+        with threadpool_limits(limits=1, user_api="blas"):
+            instead = request.instead(refused[0]) if explained and refused else ""
+        reasons = {name: str(error).rstrip(".") for name, error in unfit.items()}
+        if len(names) > 1:
+            why = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
+            raise NoAnswerError(f"no law has gains for this. {why}. {instead}".rstrip())
+        if instead:
+            raise NoAnswerError(f"{reasons[names[0]]}. {instead}")
+        raise unfit[names[0]]
     taken, why = choose(found, goal)
     if len(found) == 1 < len(names):
         why = f"The law {taken} is the only one that has gains for this."
@@ -375,9 +376,7 @@ class _Request:
         """Return what would give a law gains that has none, as a sentence; empty for a float's."""
         tried = []
         for (_, instead), off in self.others(name, _LEAST_RUNS).items():
-            with threadpool_limits(limits=1, user_api="blas"):
-                left = off()
-            if math.isfinite(left):
+            if math.isfinite(left := off()):
                 proven = "" if left == 0.0 else ", though unproven ones"
                 return f"With {instead} the law {name} has gains for this{proven}."
             tried.append(instead)

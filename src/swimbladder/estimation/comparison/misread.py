@@ -106,10 +106,10 @@ def refuse_wrong_stroke(log: Log, vehicle: Vehicle, drive: Drive, driving: Array
         volts = drive == "voltage"
         each, unit, field = (1.0, "V", "voltage_V") if volts else (1e6, "cm3", "volume_m3")
         field = "piston_m" if not volts and log.volume is None else field
-        what = f"the {drive} goes over {each * over:.3g} {unit}, the vehicle's range is "
+        moved, most = (f"{each * x:.3g} {unit}" for x in (over, whole))
+        what = f"the {drive} goes over {moved}, the vehicle's range is {most}"
         remedy = "State the column's unit, as piston_m=NAME@mm, volume_m3=NAME@cm3 or "
         remedy += "voltage_V=NAME@mV, or give the vehicle that the log is of"
-        what += f"{each * whole:.3g} {unit}"
         raise LogError(what, file=log.source, field=field, remedy=remedy)
 
 
@@ -131,20 +131,19 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
         y, v = as_it_is.of_depth * z[::ahead], as_it_is.of_drive * u[::ahead]
         return _fits(ahead * t[::ahead], y, drive, v, vehicle)
 
-    found, *fits = ((one, read(one)) for one in _READINGS if drive in one.of)
-    best, known = min(fits, key=lambda pair: pair[1].off)
-    force, explained = found[1]
-    better = known.off < (_BETTER if best.ahead > 0 else _BACKWARDS) * found[1].off
+    (_, found), *others = ((one, read(one)) for one in _READINGS if drive in one.of)
+    best, known = min(others, key=lambda pair: pair[1].off)
+    better = known.off < (_BETTER if best.ahead > 0 else _BACKWARDS) * found.off
     if known.near(*_CLOSE) and known.explained > _SURE and better:
         names = ["depth"] * (best.of_depth < 0.0) + [drive] * (best.of_drive < 0.0)
         texts = [sentence("compare", "misread", name) for name in names]
         why = ", and ".join([*texts, best.text.format(drive=drive)] if best.text else texts)
         return Finding.of("compare", "read otherwise", drive=drive, why=why), False
-    if force < 0.0 and explained > _EXPLAINED:
+    if found.force < 0.0 and found.explained > _EXPLAINED:
         return Finding.of("compare", "wrong way", drive=drive), False
-    if found[1].near(*_RIGHT) or not explained > _SURE:
-        return None, explained > _SURE
-    return Finding.of("compare", "misread", times=force, drive=drive), False
+    if found.near(*_RIGHT) or not found.explained > _SURE:
+        return None, found.explained > _SURE
+    return Finding.of("compare", "misread", times=found.force, drive=drive), False
 
 
 class _Reading(NamedTuple):

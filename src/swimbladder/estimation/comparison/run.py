@@ -660,27 +660,7 @@ def compare(
     notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
-    noise = _noise(rec)
-    beyond = rms(off) > MODEL_ERROR * min(noise, _NOISIEST)
-    said, without = (findings if wrong is None else [wrong]), math.inf
-    unlikely = rec.drive != "setpoint" and beyond and not sure and not explained > _WHOLE
-    still = unlikely and is_still(rec.drive, rec.inputs, vehicle)
-    least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
-    lost = bool(names) and not explained >= least and beyond
-    if names and unlikely and not (still or lost) and all(f.severity != "no" for f in said):
-        without = _without(vehicle, rec, names, rms(off) / _IDLE)
-    idle = _IDLE * without < rms(off)
-    if wrong is not None:
-        if idle or not explained >= _HALF:  # what follows from it need not be said
-            wrong, findings = wrong._replace(severity="no"), []
-        findings.insert(0, wrong)
-    elif still:
-        findings = [Finding.of("compare", "still", drive=rec.drive)]
-    elif idle:
-        apart = {"rms": rms(off), "without": without}
-        findings.append(Finding.of("compare", "no better", drive=rec.drive, **apart))
-    elif not explained >= _HALF:
-        findings.append(Finding.of("compare", "unexplained", "no" if lost else None))
+    findings = _judged(vehicle, rec, names, (wrong, sure), off, explained, findings)
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -697,6 +677,45 @@ def compare(
         notes=tuple(notes),
         findings=tuple(findings),
     )
+
+
+def _judged(
+    vehicle: Vehicle,
+    rec: Record,
+    names: Sequence[str],
+    read: tuple[Finding | None, bool],
+    off: Array,
+    explained: float,
+    found: list[Finding],
+) -> list[Finding]:
+    """Return what is to be said of a fit of `names`, whose depths are `off` [m].
+
+    read: as `misread` returns it; found: of the estimates, which do not count where the log or its
+    drive explain nothing.
+    """
+    (wrong, sure), noise, error = read, _noise(rec), rms(off)
+    beyond = error > MODEL_ERROR * min(noise, _NOISIEST)
+    unlikely = rec.drive != "setpoint" and beyond and not sure and not explained > _WHOLE
+    least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
+    lost = bool(names) and not explained >= least and beyond
+    still = unlikely and is_still(rec.drive, rec.inputs, vehicle)
+    no = any(f.severity == "no" for f in (found if wrong is None else [wrong]))
+    without = math.inf
+    if names and unlikely and not (still or lost or no):
+        without = _without(vehicle, rec, names, error / _IDLE)
+    idle = _IDLE * without < error
+    if wrong is not None:
+        if idle or not explained >= _HALF:  # what follows from it need not be said
+            return [wrong._replace(severity="no")]
+        return [wrong, *found]
+    if still:
+        return [Finding.of("compare", "still", drive=rec.drive)]
+    if idle:
+        apart = {"rms": error, "without": without}
+        return [*found, Finding.of("compare", "no better", drive=rec.drive, **apart)]
+    if not explained >= _HALF:
+        return [*found, Finding.of("compare", "unexplained", "no" if lost else None)]
+    return found
 
 
 _WHOLE = 0.999  # of how the depth varies, more of which a drive that never changes may explain

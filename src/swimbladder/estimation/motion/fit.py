@@ -393,7 +393,7 @@ def fit(problem: Problem, near: list[Array] | None = None) -> Fit:
     near: x next to the best, where it is known; else the vehicle's own values and a regression's.
     """
     starts = _starts(problem) if near is None else near
-    return finish(problem, _best_of(problem, starts, _ROUNDS, _FINE).x)
+    return finish(problem, _best_of(problem, starts, _ROUNDS, _FINE))
 
 
 def compared(problem: Problem, starts: list[Array], *, briefly: bool) -> Ended:
@@ -600,10 +600,9 @@ def _ended(problem: Problem, x: Array) -> Ended:
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # slopes beyond all bounds
-def finish(problem: Problem, x: Array) -> Fit:
-    """Return everything that is known at x."""
-    end = _ended(problem, x)
-    residual, noise, weight = end.residual, end.noise, end.weight
+def finish(problem: Problem, end: Ended) -> Fit:
+    """Return everything that is known where a search ended."""
+    x, residual, weight, noise, _ = end
     slope = problem.slope(x)
     P = problem.prior_rows(x)[1]
     rows = [slice(a, b) for a, b in pairwise(problem.rows)]

@@ -234,7 +234,8 @@ class FloatModel:
         board = np.zeros((count, BOARD))
         for n in range(count):
             _, asked, z, w = start[:, n].tolist()
-            if math.isnan(asked) or (z <= 0.0 and asked >= self.vehicle.stroke.maximum):
+            afloat = z <= 0.0 and not asked < self.vehicle.stroke.maximum  # nan: likewise
+            if afloat or math.isnan(asked):
                 asked = None
             else:
                 z = max(z, _AT_SURFACE)  # not afloat with all volume out
@@ -242,7 +243,7 @@ class FloatModel:
             x["w"][n] = w
             own_law = {k: float(v[n]) for k, v in parameters.items()}
             up, pause = surfacing_of(self.vehicle, own_law)
-            if self.seconds and z <= up.shallow and not (asked is None and z <= 0.0):
+            if self.seconds and z <= up.shallow and not afloat:
                 what = "the board of a float takes all volume for out up there, and it is not"
                 remedy = f"Begin afloat, at 0 m, or below {up.shallow:g} m"
                 raise InputError(what, field="start_depth", value=z, unit="m", remedy=remedy)
