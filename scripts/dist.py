@@ -73,7 +73,9 @@ def check(wheel: Path, sdist: Path, root: Path) -> None:
         raise FaultError(f"{wheel.name} and src/swimbladder differ in {', '.join(odd)}")
     with tempfile.TemporaryDirectory() as folder:
         with tarfile.open(sdist) as packed:
-            packed.extractall(folder, filter="data")
+            # an argument of `extractall` only from Python 3.11.4 on
+            packed.extraction_filter = getattr(tarfile, "data_filter", None)
+            packed.extractall(folder)
         again, _ = build(Path(folder) / sdist.name.removesuffix(".tar.gz"), Path(folder) / "again")
         rebuilt = contents(again)
     if odd := sorted(name for name in has | rebuilt if has.get(name) != rebuilt.get(name)):
