@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 
 import numpy as np
 import pytest
@@ -265,6 +266,15 @@ def test_what_is_below_any_sensor_is_printed_as_zero(capsys, tmp_path):
     assert "start_speed = 0 m/s +- 0 m/s" in out
     assert "start_depth = 2 m" in out
     assert "nan" not in out  # no variance, of which a share could be explained
+
+
+def test_a_share_far_below_zero_is_no_row_of_digits(capsys, tmp_path):
+    path = tmp_path / "other.csv"
+    rows = [f"{0.5 * k},{2.0 + 0.05 * math.sin(k / 4.0)},{8e-5 * (k > 9)}" for k in range(100)]
+    path.write_text("\n".join(["time_s,depth_m,volume_m3", *rows]), encoding="ascii")
+    words = ["compare", str(path), "--vehicle", "feup-em", "--free", "none", "--out", str(tmp_path)]
+    assert main(words) == 0  # nothing was asked to be fitted
+    assert "< -100 %" in capsys.readouterr().out
 
 
 def test_identify_says_that_nothing_moved(capsys, tmp_path):

@@ -77,8 +77,16 @@ def draw_comparison(comparison: Comparison) -> Picture:
 def _title(c: Comparison) -> str:
     driven = c.record.drive.replace("setpoint", "set-point")
     off = f"rms {1e3 * c.rms:.1f} mm, bias {1e3 * c.bias:+z.1f} mm"
-    share = f"{100.0 * c.variance_explained:.2f} % of the variance"
-    return f"{c.vehicle.name} driven by the logged {driven}: {off}, {share}"
+    return f"{c.vehicle.name} driven by the logged {driven}: {off}, {_explained(c)} of the variance"
+
+
+def _explained(c: Comparison) -> str:
+    """Write the share of the variance; a dash where the depth has none.
+
+    Below -100 % a depth that stays would be nearer to the log, and how much so is of no interest.
+    """
+    share = 100.0 * c.variance_explained
+    return "< -100 %" if share < -100.0 else f"{share:.2f} %" if math.isfinite(share) else "-"
 
 
 def _input(c: Comparison, panel: Panel) -> None:
@@ -212,10 +220,8 @@ class ComparisonShown(ComparedShown):
 def _row(r: Comparison | None) -> tuple[str, ...]:
     if r is None:
         return ("-",) * 6
-    share = 100.0 * r.variance_explained
-    explained = f"{share:.2f} %" if math.isfinite(share) else "-"
-    off = f"{1e3 * r.rms:.1f} mm", f"{1e3 * r.bias:+z.1f} mm"
-    return (r.record.drive, *off, explained, f"{1e3 * r.largest:.1f} mm", str(r.n))
+    off = f"{1e3 * r.rms:.1f} mm", f"{1e3 * r.bias:+z.1f} mm", _explained(r)
+    return (r.record.drive, *off, f"{1e3 * r.largest:.1f} mm", str(r.n))
 
 
 def _fitted(r: Comparison) -> Iterator[str]:

@@ -627,6 +627,19 @@ def test_a_volume_that_never_changes_is_no_wrong_unit(float_vehicle):
     assert not answer.possible
 
 
+def test_a_voltage_that_is_always_zero_says_so_and_no_more(paper_vehicle):
+    """Backwards the depths come together, which a fall that drives itself would explain."""
+    import swimbladder
+
+    run = swimbladder.simulate(
+        paper_vehicle, setpoints=[(0.0, 3.0)], duration=120.0, start_depth=1.5
+    )
+    log = made_log(run.time, run.depth, voltage=np.zeros(len(run.time)))
+    answer = compare(log, paper_vehicle)
+    assert [f.kind for f in answer.findings] == ["still"]
+    assert not answer.possible
+
+
 def test_a_residual_that_is_no_noise_gives_no_deviation_of_parts_per_million(paper_vehicle):
     """Five minutes of an unstable vehicle whose file has a tenth too little drag."""
     import swimbladder

@@ -559,8 +559,8 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     runs = f"{int(fit.kept.sum())} runs" + (f" of {fit.clusters} dives" if fit.dives else "")
     if fit.refusal:
         yield f"Not identified: {fit.refusal}."
-    volumes = f", volumes within {fit.volume_rms * 1e6:.2g} mL"
-    volumes = "" if math.isnan(fit.volume_rms) else volumes
+    off = fit.volume_rms
+    volumes = "" if math.isnan(off) else f", volumes within {off * 1e6:.2g} mL"
     yield f"{runs}: power within {fit.power_rms:.2g} W rms{volumes}."
     energies = [d.predicted / d.energy - 1.0 for d in fit.dives if d.energy > 0.0]
     pressed = [d.predicted_volume / d.volume - 1.0 for d in fit.dives if d.volume > 0.0]
@@ -575,11 +575,10 @@ def fit_sentences(fit: PumpFit, vehicle: Vehicle | None = None) -> Iterator[str]
     slope = fit.value("power_per_pressure")
     if "delivery" in fit.parameters and slope > 0.0:
         reaches = fit.value("delivery") / slope  # of the power that grows with the pressure
+        usual = "" if _LEAST < reaches < _MOST else ": check them"
         share = f"of what more pressure takes, {_percent(reaches)} would reach the water"
-        check = "nothing else in the runs shows a wrong scale of these"
-        if not _LEAST < reaches < _MOST:
-            check = "check them"
-        yield f"By the units of pressure and volume, {share}; pumps have 30 to 90 %: {check}."
+        scale = "A wrong scale of pressures or volumes shows in the efficiency only"
+        yield f"{scale}: {share} (pumps: 30 to 90 %){usual}."
     yield from _voltage(fit, vehicle)
     left = int((~fit.kept).sum())
     if left:

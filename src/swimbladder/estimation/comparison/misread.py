@@ -123,7 +123,9 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
     if part is None or drive == "setpoint":
         return None, False
     t, z, u = rec.time[part], rec.depth[part], rec.inputs[part]
-    if drive == "volume" and is_still(drive, u, vehicle):
+    still = is_still(drive, u, vehicle)
+    tried = (one for one in _READINGS if drive in one.of and (one.ahead > 0 or not still))
+    if drive == "volume" and still:
         return None, False
 
     def read(as_it_is: _Reading) -> _Fit:
@@ -131,7 +133,7 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
         y, v = as_it_is.of_depth * z[::ahead], as_it_is.of_drive * u[::ahead]
         return _fits(ahead * t[::ahead], y, drive, v, vehicle)
 
-    (_, found), *others = ((one, read(one)) for one in _READINGS if drive in one.of)
+    (_, found), *others = ((one, read(one)) for one in tried)
     best, known = min(others, key=lambda pair: pair[1].off)
     better = known.off < (_BETTER if best.ahead > 0 else _BACKWARDS) * found.off
     if known.near(*_CLOSE) and known.explained > _SURE and better:
@@ -141,9 +143,10 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
         return Finding.of("compare", "read otherwise", drive=drive, why=why), False
     if found.force < 0.0 and found.explained > _EXPLAINED:
         return Finding.of("compare", "wrong way", drive=drive), False
-    if found.near(*_RIGHT) or not found.explained > _SURE:
-        return None, found.explained > _SURE
-    return Finding.of("compare", "misread", times=found.force, drive=drive), False
+    sure = found.explained > _SURE
+    if sure and not found.near(*_RIGHT):
+        return Finding.of("compare", "misread", times=found.force, drive=drive), False
+    return None, sure
 
 
 class _Reading(NamedTuple):

@@ -102,8 +102,8 @@ def measured_start(rec: Record, at: int) -> Start:
 
 
 def predict(vehicle: Vehicle, rec: Record, windows: list[Window], start: Start) -> Array:
-    """Return the depth at every sample [m]; the first window starts as `start` says."""
-    depth = np.empty_like(rec.depth)
+    """Return the depth at every sample of the windows [m]; the first starts as `start` says."""
+    depth = np.full_like(rec.depth, np.nan)
     for window in windows:
         begin = start
         if window.first:
@@ -657,7 +657,6 @@ def compare(
     measured, used = rec.depth[rec.compared], rec.compared
     off = predicted[used] - measured
     logged = rec.volume if rec.drive != "volume" else None
-    notes = [*rec.notes, *_fitted_before(vehicle)]
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
     findings = _judged(vehicle, rec, names, (wrong, sure), off, explained, findings)
@@ -674,7 +673,7 @@ def compare(
         largest=float(np.abs(off).max()),
         volume_rms=None if logged is None else rms((volume - logged)[used]),
         solution=solution,
-        notes=tuple(notes),
+        notes=(*rec.notes, *_fitted_before(vehicle)),
         findings=tuple(findings),
     )
 
