@@ -1,6 +1,7 @@
 """A log against the model: logs made by SciPy from other code, and a real float's."""
 
 import math
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -585,6 +586,42 @@ def test_a_volume_that_cannot_have_moved_it_is_no_answer(float_vehicle, voyage, 
     answer = compare(spoil(voyage), float_vehicle)
     assert not answer.possible
     assert said in answer.findings[0].sentence
+
+
+def shifted(log, by):
+    """The log whose volumes and voltages are stamped later by so much [s]."""
+    known = {"piston": log.piston, "volume": log.volume, "voltage": log.voltage}
+    late = {k: np.interp(log.time - by, log.time, v) for k, v in known.items() if v is not None}
+    return replace(log, **late)
+
+
+def said_late(answer):
+    """By how much the drive is said to be late, or early, in seconds."""
+    words = re.search(r"are ([0-9.]+) s (late|early)", answer.findings[0].sentence)
+    return float(words[1]) * (1.0 if words[2] == "late" else -1.0)
+
+
+@pytest.mark.parametrize("by", [-9.0, -4.0, 4.0, 9.0])
+def test_a_drive_whose_times_are_off_is_named_with_how_much(float_vehicle, voyage, by):
+    answer = compare(shifted(voyage, by), float_vehicle)
+    assert not answer.possible
+    assert said_late(answer) == pytest.approx(by, abs=0.3)
+
+
+def test_a_voltage_whose_times_are_off_is_named_with_how_much(paper_vehicle, by_voltage):
+    answer = compare(shifted(by_voltage, 12.0), paper_vehicle)
+    assert not answer.possible
+    assert said_late(answer) == pytest.approx(12.0, abs=1.0)
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("number", [47, pytest.param(63, marks=pytest.mark.prove)])
+@pytest.mark.parametrize("by", [-20.0, 10.0, pytest.param(20.0, marks=pytest.mark.prove)])
+def test_a_tank_log_whose_volumes_are_late_is_named(data_dir, float_vehicle, number, by):
+    """They explained up to half of the depths, with a warning."""
+    answer = compare(shifted(mission(data_dir, number), by), float_vehicle)
+    assert not answer.possible
+    assert said_late(answer) == pytest.approx(by, abs=1.0)
 
 
 @pytest.mark.data

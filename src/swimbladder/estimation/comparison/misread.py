@@ -14,6 +14,7 @@ import math
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from swimbladder.errors import LogError, column_as
 from swimbladder.estimation.estimates import Finding, sentence
@@ -135,11 +136,16 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
 
     (_, found), *others = ((one, read(one)) for one in tried)
     best, known = min(others, key=lambda pair: pair[1].off)
-    better = known.off < (_BETTER if best.ahead > 0 else _BACKWARDS) * found.off
-    if known.near(*_CLOSE) and known.explained > _SURE and better:
+    by, shifted = _late(rec, part, vehicle) if found.off > _UNLIKE else (0.0, found)
+    why = ""
+    if shifted.off < known.off and shifted.is_right(_BETTER * found.off):
+        key = "late" if by > 0.0 else "early"
+        why = sentence("compare", "misread", key, drive=drive, by=abs(by))
+    elif known.is_right((_BETTER if best.ahead > 0 else _BACKWARDS) * found.off):
         names = ["depth"] * (best.of_depth < 0.0) + [drive] * (best.of_drive < 0.0)
         texts = [sentence("compare", "misread", name) for name in names]
         why = ", and ".join([*texts, best.text.format(drive=drive)] if best.text else texts)
+    if why:
         return Finding.of("compare", "read otherwise", drive=drive, why=why), False
     if found.force < 0.0 and found.explained > _EXPLAINED:
         return Finding.of("compare", "wrong way", drive=drive), False
@@ -147,6 +153,25 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
     if sure and not found.near(*_RIGHT):
         return Finding.of("compare", "misread", times=found.force, drive=drive), False
     return None, sure
+
+
+def _late(rec: Record, part: slice, vehicle: Vehicle) -> tuple[float, _Fit]:
+    """Return by how much the times of what drives are best taken for late [s], and the fit then.
+
+    Of up to an eighth of the time either way.
+    """
+    t, z = rec.time[part], rec.depth[part]
+
+    def read(by: float) -> _Fit:
+        known = (t + by >= rec.time[0]) & (t + by <= rec.time[-1])
+        driving = np.interp(t[known] + by, rec.time, rec.inputs)
+        return _fits(t[known], z[known], rec.drive, driving, vehicle)
+
+    tried = np.linspace(-0.125, 0.125, _SHIFTS) * (t[-1] - t[0])
+    best, step = min(tried.tolist(), key=lambda by: read(by).off), float(tried[1] - tried[0])
+    near = (best - step, best + step)
+    by = float(minimize_scalar(lambda by: read(by).off, bounds=near, method="bounded").x)
+    return by, read(by)
 
 
 class _Reading(NamedTuple):
@@ -185,6 +210,8 @@ _RIGHT, _SURE = (0.33, 3.0), 0.8  # of the vehicle's force, and of the variance 
 _CLOSE = (0.75, 1.33)  # of the force, within which another reading is right
 # of what is not explained as read: less makes another reading, or the reverse order, the right one
 _BETTER, _BACKWARDS = 0.25, 0.5
+_UNLIKE = 0.25  # of the motion, more of which left unexplained may be by times that are late
+_SHIFTS = 121  # tried
 
 
 def _others(seconds: float | None) -> list[tuple[float, str | None]]:
@@ -214,6 +241,10 @@ class _Fit(NamedTuple):
 
     def near(self, least: float, most: float) -> bool:
         return least <= self.force <= most
+
+    def is_right(self, off: float) -> bool:
+        """Return whether this is the vehicle's motion, more of it than all but `off`."""
+        return self.near(*_CLOSE) and self.explained > _SURE and self.off < off
 
 
 def _fits(time: Array, depth: Array, drive: Drive, driving: Array, vehicle: Vehicle) -> _Fit:
