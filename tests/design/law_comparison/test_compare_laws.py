@@ -32,7 +32,7 @@ def test_a_positioner_flies_what_its_file_has_and_the_rest_is_left_out():
     assert b.reference is b.rows[0]
     assert b.not_compared["planned"].startswith("it commands a voltage")
     assert "tuned" in b.not_compared["position-pid"]
-    assert b.no_energy == "nothing is known of the motor behind the positioner"
+    assert "actuator.moving_power" in b.no_energy
     assert math.isnan(b.rows[0].cost("hold", "power"))
     assert set(b.rows[0].results) == {s.name for s in FEW}
     assert b.bounds["step-down"] == least_time(TANK, *b.placed[0][1:3]).time

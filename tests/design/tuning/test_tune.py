@@ -53,7 +53,6 @@ from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_text
 from swimbladder.io.progress import silent
 from swimbladder.io.vehicle_file import vehicle_file
-from swimbladder.physics.buoyancy_engine import winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.show.answers import contents, shown
 from swimbladder.show.picture import Curve
@@ -454,8 +453,23 @@ def test_the_energy_of_samples_is_that_of_the_books():
     bound = BoundLaw(law, gains_, H)
     run = fly(vehicle, bound, target=3.0, start_depth=1.5, duration=60.0, balance=True)
     p = plant(vehicle)
-    found = electrical_energy(winding(vehicle), p, run, supply=p.supply, sample_time=H).sum()
+    found = electrical_energy(vehicle, run, supply=p.supply, sample_time=H).sum()
     assert found == pytest.approx(run.energy[0], rel=1e-9)
+
+
+def test_the_energy_of_a_positioner_is_that_of_the_books():
+    vehicle = load_vehicle("ntnu-bv").but("actuator", moving_power=4.0, holding_power=0.5)
+    law, gains_ = bind(vehicle.controller)
+    bound = BoundLaw(law, gains_, vehicle.controller.sample_time)
+    run = fly(vehicle, bound, target=1.0, start_depth=0.5, duration=60.0, balance=True)
+    found = electrical_energy(vehicle, run, supply=math.inf, sample_time=bound.sample_time)
+    assert found.sum() == pytest.approx(run.energy[0], rel=1e-6)
+    assert found.min() >= 0.5 * bound.sample_time * (1.0 - 1e-12)
+
+
+def test_a_positioner_of_unknown_power_is_not_tuned_for_energy():
+    with pytest.raises(NoAnswerError, match=r"actuator\.moving_power"):
+        tune(load_vehicle("ntnu-bv"), law="position-observer", goal="energy")
 
 
 LIGHT = FEUP.model_copy(

@@ -9,7 +9,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from swimbladder.sim.closed_loop import Solution, drive, simulate
-from swimbladder.vehicle import Drag, PhysicalMotion
+from swimbladder.vehicle import Drag, PhysicalMotion, Positioner
 from tests.examples import examples
 from tests.oracle import closed_loop
 from tests.vehicles import (
@@ -97,6 +97,22 @@ def test_a_positioner_counts_its_work_on_the_water() -> None:
     work = 9806.65 * np.sum(0.5 * (z[1:] + z[:-1]) * np.diff(V))
     assert s.balance.energy["source"] == pytest.approx(work, rel=2e-3)
     assert "do" not in s.balance.energy
+
+
+def test_a_positioner_of_known_power_takes_one_while_it_moves_and_one_at_rest() -> None:
+    vehicle = stepper(BLENDED).but("actuator", moving_power=4.0, holding_power=0.5)
+    commands = [3e-5 * math.sin(0.2 * k) for k in range(80)]
+    s = under(vehicle, commands)
+    balanced(s)
+    motor = vehicle.engine
+    assert isinstance(motor, Positioner)
+    on = float(np.abs(np.diff(s.volume)).sum()) / (motor.speed * motor.piston_area)
+    whole = float(s.time[-1])
+    assert 0.1 * whole < on < 0.9 * whole
+    energy = s.balance.energy
+    assert energy["source"] == pytest.approx(4.0 * on + 0.5 * (whole - on), rel=1e-6)
+    work = under(stepper(BLENDED), commands).balance.energy
+    assert energy["source"] - energy["motor"] == pytest.approx(work["source"])
 
 
 @pytest.mark.parametrize("case", CASES)

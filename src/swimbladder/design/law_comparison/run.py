@@ -56,17 +56,13 @@ _SHOWN = 900.0  # s of the first run of a hold that are kept to be drawn; of a s
 
 def no_energy(vehicle: Vehicle) -> str | None:
     """Return why the electrical energy is not known; None where it is."""
-    if vehicle.command == "volume change":
-        try:
-            check_power_known(vehicle)
-        except NoAnswerError as error:
-            return str(error)
-        return None
-    if winding(vehicle) is not None:
-        return None
-    if vehicle.command == "volume":
-        return "nothing is known of the motor behind the positioner"
-    return "R and k_T of the motor are not known"
+    if vehicle.command == "voltage":
+        return None if winding(vehicle) is not None else "R and k_T of the motor are not known"
+    try:
+        check_power_known(vehicle)
+    except NoAnswerError as error:
+        return str(error)
+    return None
 
 
 def fly_scenario(

@@ -363,7 +363,7 @@ def options(
     elif recipe.jitter is not None:
         noise = recipe.jitter(recipe.gains(s, tuning), s)
         rests = [tuning._replace(dead=max(x * noise, s.least_move)) for x in _DEAD]
-    volts = recipe.volts if goal == "energy" else (1.0,)
+    volts = (1.0,) if goal != "energy" or s.plant.positioner else recipe.volts
     needed = _SPARE * s.plant.load_drive * deepest / s.limit
     if len(volts) > 1 and len(rests) > 3:
         rests = rests[::2]

@@ -1,7 +1,8 @@
 """What a law does with vehicles of the region: a step of depth, then holding it, with noise.
 
 The electrical energy of a motor is from samples: a winding takes u (u - kappa q)/R, and with u held
-over a sample, the integral of q is the volume that was pumped.
+over a sample, the integral of q is the volume that was pumped; a positioner takes one power while
+it moves and one at rest.
 
 Floats under a law of volume changes go there and back, then hold: half of the flights go down a
 step, the other half up it, so that what is said of a range of depths is of both ways. A flight has
@@ -21,27 +22,31 @@ from swimbladder.control.law import leaves, smooth
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.region import Region
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.buoyancy_engine import Winding, at_voltage, drive_map, winding
-from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.buoyancy_engine import at_voltage, drive_map, winding
+from swimbladder.physics.dynamics import plant
 from swimbladder.physics.electric import electrical_power, largest_voltage, winding_current
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.sim.closed_loop.block import schedule
 from swimbladder.sim.closed_loop.floats import surface_zone
 from swimbladder.sim.closed_loop.water import SEAS, Medium, depth_error, medium_of
-from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle import Positioner, Vehicle
 
 
-def electrical_energy(
-    motor: Winding, p: Plant, runs: Runs, *, supply: Any, sample_time: float
-) -> Array:
-    """Return the energy into the motor in each sample [J], [samples, runs].
+def electrical_energy(vehicle: Vehicle, runs: Runs, *, supply: Any, sample_time: float) -> Array:
+    """Return the energy into the motor in each sample [J], [samples, runs]; nan: not known.
 
-    runs: with the command [V] from each sample on. The voltage is cut to what the supply [V] gives
-    at the sample's mean rate.
+    runs: with the command from each sample on. A voltage is cut to what the supply [V] gives at the
+    sample's mean rate.
     """
-    q = np.diff(runs.volume, axis=0) / sample_time + p.k_l * runs.depth[:-1]
-    u = runs.command[:-1]
+    q, a = np.diff(runs.volume, axis=0) / sample_time, vehicle.engine
+    if isinstance(a, Positioner):
+        moving = np.nan if a.moving_power is None else a.moving_power - a.holding_power
+        return sample_time * (moving * np.abs(q) / (a.speed * a.piston_area) + a.holding_power)
+    p, motor = plant(vehicle), winding(vehicle)
+    if motor is None:
+        return np.full_like(q, np.nan)
+    q, u = q + p.k_l * runs.depth[:-1], runs.command[:-1]
     emf = motor.kappa * q * np.where(u >= 0.0, 1.0, -1.0)
     most = largest_voltage(E=supply, sag=p.sag, emf=emf)
     u = np.clip(u, -most, most)
@@ -390,7 +395,7 @@ class Trial(NamedTuple):
     rate: float  # m3/s, of volume moved, likewise
     starts: float  # 1/s, of the motor from rest, likewise; of a float those of the pump
     turns: float  # 1/s, of the motor, from one direction into the other; of a float of the valve
-    energy: float  # J, of the motor in the whole run; nan where its R or k_T is not known
+    energy: float  # J, of the motor in the whole run; nan where its power is not known
     power: float  # W, of the motor, likewise
     farthest: float = math.nan  # m, largest depth error of any run
     lost: float = math.nan  # share of the runs
@@ -474,13 +479,10 @@ def trial(vehicle: Vehicle, bound: BoundLaw, step: Step, drawn: Drawn) -> Trial:
     if bound.law.ways is not None:
         band = arrival_band(bound, step)
         return summarise(_of_floats(vehicle, found, runs, step, since, band))
-    motor, h = winding(vehicle), bound.sample_time
-    if motor is not None:
-        supply = supplies(vehicle, drawn)
-        joules = electrical_energy(motor, plant(vehicle), runs, supply=supply, sample_time=h)
-        late = joules[(time >= since)[:-1]]
-        found = found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h)
-    return summarise(found)
+    h, supply = bound.sample_time, supplies(vehicle, drawn)
+    joules = electrical_energy(vehicle, runs, supply=supply, sample_time=h)
+    late = joules[(time >= since)[:-1]]
+    return summarise(found._replace(energy=joules.sum(axis=0), power=late.mean(axis=0) / h))
 
 
 def _of_floats(

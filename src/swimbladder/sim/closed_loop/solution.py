@@ -33,7 +33,7 @@ from swimbladder.sim.closed_loop.supervision import Alarm
 from swimbladder.sim.closed_loop.water import Medium
 from swimbladder.sim.engine.accounts import Account
 from swimbladder.sim.engine.modes import Act, Where
-from swimbladder.vehicle import IdentifiedActuator, Vehicle
+from swimbladder.vehicle import IdentifiedActuator, Positioner, Vehicle
 
 if TYPE_CHECKING:
     import xarray
@@ -125,8 +125,12 @@ def _actuator_energy(
     hydraulic = k_b * a[Account.Z_Q]
     if prescribed:
         return {"source": hydraulic}, "work on the water (the volume was given)"
-    if vehicle.command == "volume":
-        return {"source": hydraulic}, "work on the water (the motor's losses are not known)"
+    if isinstance(vehicle.engine, Positioner):
+        moving, holding = vehicle.engine.moving_power, vehicle.engine.holding_power
+        if moving is None:
+            return {"source": hydraulic}, "work on the water (actuator.moving_power is not given)"
+        source = moving * a[Account.MOTOR_ON] + holding * a[Account.AT_REST]
+        return {"source": source, "motor": source - hydraulic}, _INTO_MOTOR
     if isinstance(vehicle.engine, IdentifiedActuator):
         if p.load_drive <= 0.0:
             basis = "work on the water (k_z/k_u is 0: the motor's work is not known)"
@@ -146,7 +150,7 @@ def _actuator_energy(
         energy["copper"] = squares / R
         energy["torque conversion"] = (kappa / R - work) * (a[Account.U_Q] - kappa * a[Account.Q_Q])
         viscous -= work * kappa
-        basis = "electrical power into the motor"
+        basis = _INTO_MOTOR
     else:
         energy["source"] = work * a[Account.U_Q]
     energy["speed losses"] = viscous * a[Account.Q_Q]
@@ -157,6 +161,9 @@ def _actuator_energy(
     energy["end stops"] = work * a[Account.STOP_U] + rotor * a[Account.STOP_Q]
     energy["rotor"] = rotor * spin
     return energy, basis
+
+
+_INTO_MOTOR = "electrical power into the motor"
 
 
 class StepMetrics(NamedTuple):

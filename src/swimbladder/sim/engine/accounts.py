@@ -37,6 +37,7 @@ class Account(IntEnum):
     BOTTOM_W = 14  # m2/s2, of the w w/2 that impacts on the bottom took
     MOTOR_ON = 15  # s, with a voltage on the motor, or the positioner moving
     TO_AND_FRO = 16  # m4, of |z dV|, step by step
+    AT_REST = 17  # s, with the positioner holding
 
 
 @part
@@ -92,6 +93,7 @@ def enter(
         accounts[Account.MOTOR_ON] += h if x[0] != 0.0 else 0.0
         return
     if p[modes.GAIN] == 0.0:  # a positioner that holds
+        accounts[Account.AT_REST] += h
         return
     Izz = _simpson(z0 * z0, zm * zm, z1 * z1, h)
     alpha, beta = u, 0.0  # the voltage as applied is alpha + beta q
