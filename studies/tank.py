@@ -23,8 +23,7 @@ from studies.tank_table import Row, parameters, table
 from swimbladder.estimation.comparison import Record, compare, record
 from swimbladder.estimation.comparison.ahead import Ahead, predict_ahead
 from swimbladder.estimation.estimates import Estimate
-from swimbladder.estimation.kalman.depth_filter import Noise, Start, filter_depth
-from swimbladder.estimation.kalman.kernels import Samples
+from swimbladder.estimation.kalman import Noise, Samples, Start, filter_depth
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.process_noise import (
     Heat,

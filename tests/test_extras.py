@@ -11,7 +11,7 @@ import swimbladder as sb
 from scripts import dist
 from swimbladder.cli import main
 from swimbladder.errors import InputError
-from swimbladder.plugins import optional
+from swimbladder.vehicle.plugins import optional
 
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text("utf-8"))
 LIBRARIES = {extra: library for extra, (library, _) in dist.EXTRAS.items()}

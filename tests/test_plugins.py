@@ -692,7 +692,7 @@ class TestWhatIsBroken:
 
 
 def forget():
-    from swimbladder import plugins
+    from swimbladder.vehicle import plugins
 
     plugins._entry_points.cache_clear()
 
@@ -713,4 +713,4 @@ def test_nothing_of_others_is_imported_before_it_is_used(installed):
     )
     loaded = done.stderr.split()
     assert not re.search(r"swb_probe", done.stderr)
-    assert "swimbladder.plugins" not in loaded
+    assert "swimbladder.vehicle.plugins" not in loaded

@@ -40,8 +40,8 @@ from swimbladder.io.files import (
     write_through,
 )
 from swimbladder.io.progress import Advance, silent, so_far
-from swimbladder.plugins import optional
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.plugins import optional
 from swimbladder.vehicle.schema import check_choice
 
 Item = TypeVar("Item")

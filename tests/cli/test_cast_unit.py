@@ -15,7 +15,7 @@ from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_mission, load_vehicle
 from swimbladder.physics.seawater import cast_column
-from swimbladder.physics.seawater.cast_unit import _metres, check_cast_unit
+from swimbladder.physics.seawater.cast import _metres, check_cast_unit
 from swimbladder.sim.campaign.run import Floats
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.sim.mission.flight import fly_mission

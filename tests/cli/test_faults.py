@@ -10,7 +10,7 @@ from swimbladder.cli import main
 from swimbladder.errors import InputError
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
-from swimbladder.io.tables import write_csv
+from swimbladder.io.files import write_csv
 from swimbladder.physics.seawater import cast_column
 from swimbladder.sim.faults import faults
 from swimbladder.sim.faults.run import TRACE_COLUMNS

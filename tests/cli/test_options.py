@@ -24,8 +24,8 @@ from swimbladder.estimation.comparison.ahead import predict_ahead
 from swimbladder.estimation.motion import Prior, identify
 from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.files import write_csv
 from swimbladder.io.logs import read_log
-from swimbladder.io.tables import write_csv
 
 FLOAT, FEUP, NTNU = (load_vehicle(name) for name in ("example-float", "feup-em", "ntnu-bv"))
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from swimbladder.cli import main
-from swimbladder.io.tables import write_csv
+from swimbladder.io.files import write_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from tests.layered import COLUMN_HEADER, cast_rows, sailed, vehicle
 

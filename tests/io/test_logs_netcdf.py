@@ -5,10 +5,10 @@ import pytest
 import xarray as xr
 
 import swimbladder as sb
+from swimbladder.io.files import write_csv
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.logs import header_names
 from swimbladder.io.netcdf import write_netcdf
-from swimbladder.io.tables import write_csv
 from tests.log_files import refused
 
 

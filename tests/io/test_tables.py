@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swimbladder.io.tables import write_csv
+from swimbladder.io.files import write_csv
 
 
 def read(path):

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from swimbladder.io.tables import rows_csv
+from swimbladder.io.files import rows_csv
 from swimbladder.show.answers import write_all
 from swimbladder.show.picture import Picture
 

@@ -18,7 +18,7 @@ import typer
 from swimbladder.cli.common import aside, progress, said_as_typed
 from swimbladder.cli.options import Given, Options, Several, once, pair, pairs, valued
 from swimbladder.errors import InputError, LogError
-from swimbladder.units import quantity
+from swimbladder.vehicle.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 def refuse_doubted_unit(casts: Sequence[Cast], asked: float | None, rating: float | None) -> None:
     """Raise InputError as `check_cast_unit` does; what it warns of stands on stderr."""
-    from swimbladder.physics.seawater.cast_unit import check_cast_unit
+    from swimbladder.physics.seawater.cast import check_cast_unit
 
     with said_as_typed(Reading.named(), {}):
         for cast in casts:

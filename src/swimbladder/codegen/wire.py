@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 from swimbladder.control.supervisor import Watched
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.plugins import optional
+from swimbladder.vehicle.plugins import optional
 
 VERSION = 2
 BAUD = 115_200

@@ -23,8 +23,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, NamedTuple
 
-from swimbladder.control.around import State, around, law_initial, law_step
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law, Measurement, State, around, law_initial, law_step
 from swimbladder.control.rate import whole
 
 LAW, OUT, IN, WAIT = 0.0, 1.0, 2.0, 3.0

@@ -38,7 +38,7 @@ from swimbladder.io.log_text import LogFile, counted, is_frame, is_netcdf, read_
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.seawater import Cast
 from swimbladder.physics.seawater.cast import pressure_of_depth
-from swimbladder.plugins import Registry
+from swimbladder.vehicle.plugins import Registry
 from swimbladder.vehicle.schema import check_choice
 
 if TYPE_CHECKING:

@@ -1,24 +1,33 @@
-"""Files that appear whole or not at all, and files that are read to a limit.
+"""Files that appear whole or not at all, tables as CSV, and files that are read to a limit.
 
 What is not whole yet stands in a temporary file or folder whose name has the machine and the
 process that write it. Where that process was killed, the next run in the same place removes it.
 """
 
+from __future__ import annotations
+
 import contextlib
+import csv
 import hashlib
+import io
 import os
 import platform
 import shutil
 import stat
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from swimbladder.errors import InputError, Parameter
+from swimbladder.io.progress import Advance, silent
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _MARK = ".swimbladder-"
 _OLD = 86_400.0  # s after which what another machine left is no longer being written
@@ -272,3 +281,44 @@ def source_hash(paths: Iterable[Path]) -> str:
     except OSError:  # inside an archive: the version has to do
         digest.update(b"no source")
     return digest.hexdigest()[:16]
+
+
+def rows_csv(names: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows of words and numbers as CSV under their names; None is nan."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(names)
+    writer.writerows(("nan" if x is None else x for x in row) for row in rows)
+    return text.getvalue()
+
+
+_CHUNK = 20_000
+
+
+def write_csv(
+    path: str | Path, columns: Mapping[str, ArrayLike], *, advance: Advance = silent
+) -> Path:
+    """Write columns of equal length under their names; return the path.
+
+    Numbers read back to the bit; NaN is written as ``nan``. `advance` is given how many rows were
+    written since it was last called. Raises InputError where the file cannot be written.
+    """
+    import numpy as np
+
+    series = [np.asarray(values, dtype=np.float64) for values in columns.values()]
+    lengths = {len(values) for values in series}
+    if len(lengths) != 1:
+        raise ValueError(f"columns of different lengths: {sorted(lengths)}")
+
+    (length,) = lengths
+
+    def write(temporary: Path) -> None:
+        with temporary.open("w", encoding="ascii", newline="") as file:
+            file.write(",".join(columns) + "\n")
+            for start in range(0, length, _CHUNK):
+                chunk = [map(repr, values[start : start + _CHUNK].tolist()) for values in series]
+                rows = [",".join(row) for row in zip(*chunk, strict=True)]
+                file.write("\n".join(rows) + "\n")
+                advance(float(len(rows)))
+
+    return write_through(path, write)

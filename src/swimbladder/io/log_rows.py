@@ -21,7 +21,7 @@ from swimbladder.io.log_format import Delimiter, LogFormat
 from swimbladder.io.log_text import LogFile, counted, is_netcdf, read_bytes, whole_text
 from swimbladder.io.netcdf import NetCDF
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.plugins import optional
+from swimbladder.vehicle.plugins import optional
 
 # What no log writes on purpose: controls but the tab, and the mark of what could not be decoded.
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\ufffd]")

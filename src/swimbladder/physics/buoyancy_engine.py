@@ -32,7 +32,6 @@ from swimbladder.physics.steady_drives import (
     terminal_power,
     valve_flow,
 )
-from swimbladder.units import say
 from swimbladder.vehicle import (
     DatasheetPump,
     ElectrohydraulicActuator,
@@ -43,6 +42,7 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
+from swimbladder.vehicle.units import say
 
 _say = partial(say, "physics", "energy")
 

@@ -14,10 +14,9 @@ from markupsafe import Markup
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import json_text
-from swimbladder.io.files import make_folder, publish, write_atomically
+from swimbladder.io.files import make_folder, publish, write_atomically, write_csv
 from swimbladder.io.netcdf import cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
-from swimbladder.io.tables import write_csv
 from swimbladder.show.parts import REPORT, Drawn, Gone, Part, Shown, Table, sentences, written_by
 from swimbladder.show.picture import Picture
 from swimbladder.show.text import Output, shortened, text_lines

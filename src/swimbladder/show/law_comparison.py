@@ -12,13 +12,13 @@ from swimbladder.design.law_comparison import LawComparison
 from swimbladder.design.law_comparison.contenders import BAND, Placed
 from swimbladder.design.law_comparison.run import RESULT, Row, front
 from swimbladder.io.answers import as_json
-from swimbladder.io.tables import rows_csv
+from swimbladder.io.files import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.arrays import Array
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
-from swimbladder.units import rounded
+from swimbladder.vehicle.units import rounded
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import Field, SerializeAsAny, StrictBool, WrapValidator
 
 from swimbladder.errors import InputError
-from swimbladder.plugins import Registry
+from swimbladder.vehicle.plugins import Registry
 from swimbladder.vehicle.schema import (
     Parameters,
     PistonArea,

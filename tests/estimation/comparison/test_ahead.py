@@ -11,8 +11,8 @@ from swimbladder.cli import main
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.ahead import Tuning, predict_ahead
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.files import write_csv
 from swimbladder.io.logs import Log
-from swimbladder.io.tables import write_csv
 from swimbladder.sim.closed_loop import drive
 from tests.quoted import refused
 

@@ -7,21 +7,19 @@ import pytest
 from scipy.linalg import expm, solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
 
-from swimbladder.estimation.kalman.depth_filter import (
-    Member,
-    Noise,
-    Samples,
-    Start,
-    filter_bank,
-    filter_depth,
-)
-from swimbladder.estimation.kalman.kernels import (
+from swimbladder.estimation.kalman import (
     CLIPPED,
     COUNTED,
     HELD,
     REJECTED,
     RESTARTED,
     UNSEEN,
+    Member,
+    Noise,
+    Samples,
+    Start,
+    filter_bank,
+    filter_depth,
 )
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 from scipy.linalg import expm
 
-from swimbladder.estimation.kalman.kernels import BOBBING_DAMPING, Motion, Span, transition
+from swimbladder.estimation.kalman import BOBBING_DAMPING, Motion, Span, transition
 from swimbladder.io.config import load_vehicle
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.engine.cache import compiled

@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import quad, solve_ivp
 from scipy.linalg import expm
 
-from swimbladder.control.deadband import DeadbandParameters, deadband_gains
-from swimbladder.control.hold import begin, step
+from swimbladder.control.deadband import DeadbandParameters, deadband_gains, hold_begin, hold_step
 from swimbladder.control.law import Measurement
 from swimbladder.control.rate import RateParameters, approach_speed, decide
 from swimbladder.design.tuning.margins import least_band
@@ -85,12 +84,12 @@ def test_on_its_own_model_an_error_falls_by_the_pole_from_wake_to_wake():
         S_p=1.0,
     )
     b, x, V = 2e-5, np.array([1.0, 0.0]), 2e-5 + 4e-6
-    state = begin(law, Measurement(0.0, x[0], V), 0.0)
+    state = hold_begin(law, Measurement(0.0, x[0], V), 0.0)
     rates = np.zeros((3, 3))
     rates[0, 1], rates[1] = 1.0, (K2 * psi / T2, -1.0 / T2, K2 / T2)
     seen = [x[0]]
     for k in range(1, 9):
-        change, state, sleep = step(law, state, Measurement(20.0 * (k - 1), x[0], V))
+        change, state, sleep = hold_step(law, state, Measurement(20.0 * (k - 1), x[0], V))
         V += change
         assert sleep == interval
         x = (expm(rates * interval) @ np.array([*x, b - V]))[:2]

@@ -70,7 +70,7 @@ def test_a_hold_by_the_law_rate_is_refused_for_its_steps_and_not_for_noise(monke
     vehicle = load_vehicle("example-float")
     task = Mission(phases=[{"kind": "hold", "depth": 150.0, "tolerance": 0.9, "duration": 3600.0}])
     plan = plan_for(monkeypatch, vehicle, task, deepest=300.0)
-    assert plan.stages["capture"][0] == 0.0  # `control.hold` does not fly it
+    assert plan.stages["capture"][0] == 0.0  # `hold_step` does not fly it
     accounts = np.zeros(len(Account) + len(Holding))
     accounts[len(Account) :] = 3600.0, 900.0, 3600.0 * 1.5**2, 2.5
     flown = SimpleNamespace(
@@ -88,7 +88,7 @@ def test_a_band_of_just_six_times_the_noise_can_be_seen(monkeypatch):
     task = Mission(phases=[{"kind": "hold", "depth": 20.0, "tolerance": 1.0, "duration": 3600.0}])
     plan = plan_for(monkeypatch, FEUP, task)
     law = DeadbandParameters(*map(float, plan.stages["hold"][0]))
-    assert plan.stages["capture"][0] > 0.0  # `control.hold` flies it
+    assert plan.stages["capture"][0] > 0.0  # `hold_step` flies it
     least = 6.0 * law.depth_noise * law.growth
     held = [{"missed": 0, "not_held": 0}]
     whole = {"cycle": 1, "phase": 0}

@@ -45,7 +45,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import check_power_known, winding
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import depth_error, medium_of

@@ -37,9 +37,8 @@ from swimbladder.estimation.motion import ExperimentFit, Identification, identif
 from swimbladder.estimation.motion.problem import NAMES, UNITS, check_names, default_names, model_of
 from swimbladder.estimation.motion.run import check_nuisances, check_std
 from swimbladder.io.answers import Answer, as_json
-from swimbladder.io.files import write_atomically
+from swimbladder.io.files import write_atomically, write_csv
 from swimbladder.io.logs import Log, read_log
-from swimbladder.io.tables import write_csv
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import check_choice
 

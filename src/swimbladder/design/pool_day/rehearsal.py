@@ -36,11 +36,10 @@ from swimbladder.errors import (
     check_number,
     column_as,
 )
-from swimbladder.io.files import read_at_most, temporary_folder
+from swimbladder.io.files import read_at_most, temporary_folder, write_csv
 from swimbladder.io.log_format import LogFormat
 from swimbladder.io.log_text import MOST_BYTES
 from swimbladder.io.logs import Log, read_log
-from swimbladder.io.tables import write_csv
 from swimbladder.physics.arrays import Array
 from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import IdentifiedActuator, Vehicle

@@ -31,8 +31,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from scipy.optimize import minimize
 
-from swimbladder.control.around import State, around, law_initial, law_step
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law, Measurement, State, around, law_initial, law_step
 from swimbladder.design.linear.margins import Margins, spectral_radius
 from swimbladder.design.linear.pump_valve import Decision, DriveRates, drag_slope, drive_rates
 from swimbladder.design.linear.sampled import BoundLaw, Mode, SampledLoop, loop_of, modes
@@ -46,8 +45,8 @@ from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.units import say
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.units import say
 
 _say = partial(say, "design", "stability")
 

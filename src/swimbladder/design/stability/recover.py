@@ -43,13 +43,13 @@ from swimbladder.design.linear.depths import neutral_end
 from swimbladder.design.linear.pump_valve import moved_by_volume
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.tuning.trial import arrivals, fly, held_before
+from swimbladder.io.files import rows_csv
 from swimbladder.io.progress import Advance, silent
-from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, acceleration, plant
-from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.units import rounded
 
 _FASTEST = 50.0  # m/s, beyond any vehicle's speed
 _PIECE = 20.0  # s, between two checks at where it is

@@ -29,13 +29,13 @@ from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, check_power_known, known_winding
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
-from swimbladder.units import rounded, say
 from swimbladder.vehicle import Controller, DatasheetPump, Positioner, PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import check_choice
+from swimbladder.vehicle.units import rounded, say
 
 _say = partial(say, "design", "tuning")
 

@@ -22,7 +22,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record, record
 from swimbladder.estimation.estimates import Z95
-from swimbladder.estimation.kalman.depth_filter import Bank, Member, Noise, Start, filter_bank
+from swimbladder.estimation.kalman import Bank, Member, Noise, Start, filter_bank
 from swimbladder.estimation.series import Index, rms
 from swimbladder.io.answers import as_json
 from swimbladder.io.logs import Log

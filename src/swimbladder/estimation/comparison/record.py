@@ -31,8 +31,7 @@ import numpy as np
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock, refuse_wrong_stroke
-from swimbladder.estimation.kalman.depth_filter import follow
-from swimbladder.estimation.kalman.kernels import Samples
+from swimbladder.estimation.kalman import Samples, follow
 from swimbladder.estimation.series import Index, followed, quantum, stretches, white_noise
 from swimbladder.io.logs import Log, spikes
 from swimbladder.physics.arrays import Array, Flags

@@ -15,7 +15,7 @@ from swimbladder.estimation.motion.fit import Fit
 from swimbladder.estimation.motion.problem import Problem
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
-from swimbladder.plugins import optional
+from swimbladder.vehicle.plugins import optional
 
 _WALKERS = 24
 _BURN = 6  # autocorrelation times that are thrown away

@@ -33,8 +33,15 @@ from swimbladder.estimation.comparison.record import (
     volume_errors,
 )
 from swimbladder.estimation.estimates import Z95, Estimate, Prior, crossing
-from swimbladder.estimation.kalman.depth_filter import GATE, Noise, Start, filter_depth
-from swimbladder.estimation.kalman.kernels import RESTARTED, Filtered, Samples
+from swimbladder.estimation.kalman import (
+    GATE,
+    RESTARTED,
+    Filtered,
+    Noise,
+    Samples,
+    Start,
+    filter_depth,
+)
 from swimbladder.estimation.motion.fit import inverse_of, regression
 from swimbladder.estimation.motion.problem import (
     DELAY,

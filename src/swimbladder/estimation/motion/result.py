@@ -23,7 +23,7 @@ from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.ahead import Normal, Tuning, Unknowns, draw, places, unknowns
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
-from swimbladder.estimation.kalman.depth_filter import log_likelihood
+from swimbladder.estimation.kalman import log_likelihood
 from swimbladder.estimation.motion.fit import autoregression, whiteness
 from swimbladder.estimation.motion.posterior import Posterior
 from swimbladder.estimation.motion.problem import NAMES, Experiment, Model, Problem

@@ -5,7 +5,7 @@ from typing import Any
 
 from swimbladder.errors import InputError
 from swimbladder.io.files import shipped
-from swimbladder.plugins import Registry
+from swimbladder.vehicle.plugins import Registry
 
 __all__ = ["FORMATS"]
 

@@ -21,7 +21,7 @@ from swimbladder.physics.actuator import refuse_pump_and_valve
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.block import Block, schedule
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, check_sample_time
 from swimbladder.sim.closed_loop.floats import float_model, flown_law, run_float

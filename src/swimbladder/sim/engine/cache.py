@@ -55,7 +55,7 @@ _SOURCES = (
     "sim/engine/*.py",
     "control/*.py",
     "sim/closed_loop/*.py",
-    "estimation/kalman/*.py",
+    "estimation/kalman.py",
     "design/linear/models.py",
 )
 

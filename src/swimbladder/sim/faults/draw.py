@@ -20,7 +20,7 @@ from swimbladder.errors import InputError
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import terminal_speed
 from swimbladder.physics.seawater import Column
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_depths, check_dive, turned_round
 from swimbladder.sim.closed_loop.water import (
     SEAS,
@@ -32,8 +32,8 @@ from swimbladder.sim.closed_loop.water import (
 )
 from swimbladder.sim.engine.modes import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import KINDS, MOTOR, On, Op, draw_fault, kinds_of, parts_of
-from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.units import rounded
 
 
 class Condition(NamedTuple):

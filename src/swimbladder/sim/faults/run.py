@@ -20,8 +20,8 @@ from swimbladder.control.registry import own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.errors import check_counts
 from swimbladder.io.answers import attributes
+from swimbladder.io.files import rows_csv
 from swimbladder.io.progress import Advance, silent
-from swimbladder.io.tables import rows_csv
 from swimbladder.jobs import Store, each
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, running_pump

@@ -30,7 +30,7 @@ from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import check_mass
 from swimbladder.physics.seawater import Column, look_up
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import check_dive, check_sample_time
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.engine.rodas.prepare import Accuracy
@@ -39,8 +39,8 @@ from swimbladder.sim.mission import orders, words
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
-from swimbladder.units import rounded, say
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.units import rounded, say
 
 _say = partial(say, "sim", "mission")
 
@@ -232,7 +232,7 @@ def _met(flight: Flight, n: int) -> bool:
 
 
 def _seen(stage: np.record) -> float:
-    """Return the least band [m] that `control.hold` sees through the noise of the depth."""
+    """Return the least band [m] that `hold_step` sees through the noise of the depth."""
     law = DeadbandParameters(*map(float, stage["hold"]))
     return _NOISE * law.depth_noise * law.growth
 

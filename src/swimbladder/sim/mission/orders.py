@@ -22,8 +22,8 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
-from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
+from swimbladder.vehicle.units import rounded
 
 
 @dataclass(frozen=True)
@@ -371,7 +371,7 @@ def growth_rate(vehicle: Vehicle, psi: float, speed: float) -> float:
 def hold_parameters(
     vehicle: Vehicle, phase: Phase, law: RateParameters, psi: float, rate: float
 ) -> tuple[float, DeadbandParameters] | None:
-    """Return within what distance [m] `control.hold` flies a phase, and its parameters.
+    """Return within what distance [m] `hold_step` flies a phase, and its parameters.
 
     None where the law `rate` does: it is the vehicle's own, the volume is not known but for seconds
     of pump and valve, or the phase goes somewhere and does not stay. A vehicle that diverges within

@@ -42,7 +42,7 @@ from swimbladder.physics.seawater import (
     motion_table,
     uniform_column,
 )
-from swimbladder.physics.seawater.cast_unit import check_cast_unit
+from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.floats import surfacing_of
 from swimbladder.sim.closed_loop.pumped import BOARD
 from swimbladder.sim.closed_loop.supervision import Supervision

@@ -217,7 +217,7 @@ AT = record(
     ("missed", np.int64),  # phases of the cycle that ran out of time
     ("new_phase", np.int64),  # 1: a phase is to begin
     ("not_held", np.int64),  # parks and holds of the cycle out of their tolerance too long
-    ("captured", np.int64),  # 1: `control.hold` flies
+    ("captured", np.int64),  # 1: `hold_step` flies
     ("shut", np.int64),  # 1: the check valve behind the oil line is
     ("idle", np.int64),  # ticks without time passing
     ("ends", np.int64),  # 1: the bottom or ice ended what the phase was to do

@@ -4,7 +4,7 @@ A tick of the loop is whatever comes next that somebody has to decide: a sample 
 the end of a phase, a full buffer. Between two ticks RODAS moves the vehicle in steps as long as its
 motion lets.
 
-The mission's own rule as a law of the loop: `rate` on the way, `control.hold` at a depth.
+The mission's own rule as a law of the loop: `rate` on the way, `deadband.hold_step` at a depth.
 """
 
 import math
@@ -12,8 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from swimbladder.control import hold, rate
-from swimbladder.control.deadband import DeadbandParameters, DeadbandState
+from swimbladder.control import rate
+from swimbladder.control.deadband import (
+    DeadbandParameters,
+    DeadbandState,
+    hold_begin,
+    hold_step,
+)
 from swimbladder.control.law import Law, Measurement
 from swimbladder.control.rate import RateParameters, RateState
 from swimbladder.physics.arrays import Array
@@ -54,7 +59,7 @@ _HOLD = DeadbandParameters(*map(float, range(len(DeadbandParameters._fields))))
 _HOLD_STATE = DeadbandState(*map(float, range(len(DeadbandState._fields))))
 
 _rate_step, _rate_begin = inlined(compilable(rate.step)), inlined(compilable(rate.initial))
-_hold_step, _hold_begin = inlined(compilable(hold.step)), inlined(compilable(hold.begin))
+_hold_step, _hold_begin = inlined(compilable(hold_step)), inlined(compilable(hold_begin))
 
 
 class Rule(NamedTuple):

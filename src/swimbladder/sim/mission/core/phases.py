@@ -40,7 +40,7 @@ STAGE = record(
     ("timeout", float),  # s
     ("loads", float),  # W, standby and loads that are on
     ("law", float, len(RateParameters._fields)),  # the parameters of the law `rate`, in its order
-    ("capture", float),  # m around it that `control.hold` flies; 0: nowhere
+    ("capture", float),  # m around it that `hold_step` flies; 0: nowhere
     ("hold", float, len(DeadbandParameters._fields)),  # its parameters, in order
     ("grounding", np.int64),  # Grounding
 )
