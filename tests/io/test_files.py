@@ -191,3 +191,15 @@ def test_a_name_that_no_folder_can_have_is_refused_before_anything_is_done(tmp_p
             check_place(tmp_path / name)
         assert caught.value.field == "out"
     check_place(tmp_path / ("x" * 243))
+
+
+@pytest.mark.parametrize("name", ["tuned.toml", "depth.csv", "log.json"])
+def test_the_name_of_a_file_is_no_folder_to_write_into(tmp_path, name):
+    """A vehicle was then in tuned.toml/vehicle.toml, and tuned.toml no vehicle."""
+    with pytest.raises(InputError, match="ends a file's name") as caught:
+        check_place(tmp_path / name)
+    assert caught.value.field == "out"
+    assert not list(tmp_path.iterdir())
+    (tmp_path / name).mkdir()  # it was so before
+    check_place(tmp_path / name)
+    check_place(tmp_path / "run.2026")

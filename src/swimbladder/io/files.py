@@ -215,20 +215,27 @@ def make_folder(path: str | Path) -> Path:
 
 
 def check_place(out: Path) -> None:
-    """Raise InputError where the folder could not be made."""
+    """Raise InputError where the folder could not be made, or a file is what was meant."""
+    what, remedy = "", "Choose another folder with `out=`"
     if len(os.fsencode(out.name)) > _LONGEST:
         what = f"the name is longer than {_LONGEST} bytes"
-        raise InputError(
-            what, file=out, field=Parameter("out"), remedy="Choose a shorter name with `out=`"
+        remedy = "Choose a shorter name with `out=`"
+    elif out.suffix in _OF_FILES and not out.exists():
+        what = f"several files are written, into a folder, and {out.suffix} ends a file's name"
+        remedy = (
+            f"Name a folder, like {out.with_suffix('')}; the files in it have names of their own"
         )
-    make_folder(out.parent)
-    if out.is_dir():
-        remove_leftovers(out)
-    elif out.exists():
-        what = "there is a file of that name, where the folder should be"
-        raise InputError(
-            what, file=out, field=Parameter("out"), remedy="Choose another folder with `out=`"
-        )
+    else:
+        make_folder(out.parent)
+        if out.is_dir():
+            remove_leftovers(out)
+        elif out.exists():
+            what = "there is a file of that name, where the folder should be"
+    if what:
+        raise InputError(what, file=out, field=Parameter("out"), remedy=remedy)
+
+
+_OF_FILES = (".toml", ".csv", ".json", ".nc", ".html", ".png", ".txt", ".c", ".h", ".ino", ".zip")
 
 
 def unfinished(out: Path) -> Path:

@@ -14,7 +14,13 @@ from markupsafe import Markup
 
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import json_text
-from swimbladder.io.files import make_folder, publish, write_atomically, write_csv
+from swimbladder.io.files import (
+    check_place,
+    make_folder,
+    publish,
+    write_atomically,
+    write_csv,
+)
 from swimbladder.io.netcdf import cf_dataset, described, meaning
 from swimbladder.io.progress import Advance, silent
 from swimbladder.show.parts import REPORT, Drawn, Gone, Part, Shown, Table, sentences, written_by
@@ -47,7 +53,7 @@ def write_all(
             _write(folder / name, content)
             advance(1.0 / len(made))
 
-    make_folder(out.parent)
+    check_place(out)
     publish(out, write)
     for pattern, gone in contents.items():
         if isinstance(gone, Gone):
