@@ -19,7 +19,7 @@ from swimbladder.sim.campaign.result import Campaign, share_interval
 from swimbladder.sim.campaign.run import Drawn, Floats, draw, varied
 from swimbladder.sim.campaign.store import ROW
 from swimbladder.sim.engine.rodas.motion import rate_of
-from swimbladder.sim.engine.rodas.records import Account, Doing, Table
+from swimbladder.sim.engine.rodas.records import Account, Doing, Stop, Table
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.prepare import make_plan
@@ -291,17 +291,17 @@ def test_parts_fill_one_store_in_any_order(job, tmp_path):
 
 
 def test_what_spreads_is_said_per_cycle_with_its_quantiles(vehicle, column):
-    """Of 21 floats of four cycles, and one that did none: 0 to 20 times what one of them took."""
+    """Of 21 floats of four cycles, and one that did none: 0 to 20 times what one took in each."""
     k = np.arange(21.0)
     table = np.full(22, np.nan, ROW)
     table["cycles"], table["cycles"][21] = 4.0, 0.0
     of_cycles = {
-        "pump_runs_in_all": 3.0,
-        "drive_energy_in_all": 2e3,
-        "battery_energy_in_all": 5e3,
+        "pump_runs_per_cycle": 3.0,
+        "drive_energy_per_cycle": 2e3,
+        "battery_energy_per_cycle": 5e3,
     }
     for fact, each in of_cycles.items():
-        table[fact][:21] = 4.0 * each * k
+        table[fact][:21] = each * k
     table["arrival_mean"][:21], table["deepest_of_all"][:21] = 1800.0 * k, 10.0 * k
     given = {"spread": Spread(), "seed": 1, "energy_unknown": ""}
     campaign = Campaign(vehicle=vehicle, mission=TASK, columns=[column], table=table, **given)
@@ -469,3 +469,16 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert "-2 cm3" in said
     assert main(["campaign", "example-float", "m.toml", "--part", "3 of 4"]) == 2
     assert "--part" in capsys.readouterr().err
+
+
+def test_a_cycle_that_the_battery_does_not_last_for_is_in_no_mean_of_a_cycle(vehicle, job):
+    short = vehicle.replace({"supply.capacity": "1.5 Wh"})
+    one = job(floats=1, vehicle=short, spread=Spread(trim=0.0, psi=0.0, drag=0.0, pump=0.0))
+    row = flown(one)[0]
+    assert (row["stop"], row["cycles"]) == (Stop.BATTERY_EMPTY, 1.0)
+    with xarray.open_zarr(one.store, chunks=None) as data:
+        for name in ("drive_energy", "battery_energy", "pump_runs"):
+            whole, begun = data[name][0].values
+            assert row[f"{name}_per_cycle"] == whole
+            assert row[f"{name}_in_all"] == pytest.approx(whole + begun, rel=1e-12)
+            assert begun > 0.0

@@ -149,10 +149,8 @@ class Sensitivity:
     def _values(self) -> Iterator[tuple[str, str, Array]]:
         t = self.table
         yield "failed flights", "1", np.where(self.good, 0.0, 1.0)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            energy = t["battery_energy_in_all"] / np.where(t["cycles"] > 0.0, t["cycles"], np.nan)
         if not self.energy_unknown:
-            yield "energy per cycle", "J", energy
+            yield "energy per cycle", "J", t["battery_energy_per_cycle"]
         yield "time to depth", "s", t["arrival_mean"]
         yield "holding error", "m", t["holding_error"]
         yield "stroke margin", "m3", t["stroke_margin_of_all"]
@@ -247,18 +245,15 @@ class Campaign(Answer):
     def numbers(self) -> list[tuple[str, str, Array]]:
         """Return (what, unit, of each float that has it [k]) of the numbers that floats have."""
         t = self.table
-        cycles = np.maximum(t["cycles"], 1.0)
         found: list[tuple[str, str, Array]] = [
             ("cycles", "", t["cycles"]),
             ("arrives at the first depth in", "h", t["arrival_mean"] / 3600.0),
             ("deepest", "m", t["deepest_of_all"]),
-            ("pump runs per cycle", "", t["pump_runs_in_all"] / cycles),
+            ("pump runs per cycle", "", t["pump_runs_per_cycle"]),
         ]
         if not self.energy_unknown:
-            found += [
-                ("drive's energy per cycle", "kJ", t["drive_energy_in_all"] / cycles / 1e3),
-                ("battery's energy per cycle", "kJ", t["battery_energy_in_all"] / cycles / 1e3),
-            ]
+            energies = {x: t[f"{x}_energy_per_cycle"] / 1e3 for x in ("drive", "battery")}
+            found += [(f"{x}'s energy per cycle", "kJ", kJ) for x, kJ in energies.items()]
         found += [(words, "", values) for words, values in self._avoided.items()]
         known = [(words, unit, x[np.isfinite(x)]) for words, unit, x in found]
         return [one for one in known if one[2].size]

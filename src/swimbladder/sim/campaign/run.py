@@ -394,6 +394,7 @@ class Floats:
             drive,
             drive + other,
             float(accounts[Account.PUMP_RUNS]),
+            *(float(np.mean(by[of][:whole])) if whole else math.nan for of in _SPENT),
             float(x["charge"]),
             math.sqrt(float(held[Holding.SQUARES]) / time) if time > 0.0 else math.nan,
             float(min(low - g["v_min"], g["v_max"] - high)),
@@ -403,6 +404,7 @@ class Floats:
 
 
 _MADE = ("plans", "design", "layout")
+_SPENT = ("drive_energy", "battery_energy", "pump_runs")
 _AVOIDED = (Account.GROUNDED, Account.ICE_TURNS, Account.UNDER_ICE)
 
 
