@@ -235,6 +235,14 @@ def test_the_wait_is_rounded_up_to_whole_ticks(next_s, ticks):
     assert wait_in_ticks(next_s, 0.3) == ticks
 
 
+@pytest.mark.parametrize(("off", "words"), [(0.0065, "6.5 mm"), (43.2, "43 m")])
+def test_what_rounding_moves_has_a_unit_of_its_size(off, words):
+    made = library("cascade")
+    golden = made.golden._replace(difference=off)
+    said = dataclasses.replace(made, golden=golden).sentences[1]
+    assert said.endswith(f"float32 moves the vehicle by at most {words}")
+
+
 def test_the_golden_trace_is_what_simulate_says(name):
     """The vehicle under the twin goes where it goes under the law in double precision."""
     made = library(name)

@@ -51,6 +51,7 @@ from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.closed_loop.single import choose_law
 from swimbladder.vehicle import Vehicle
+from swimbladder.vehicle.units import length
 
 _ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 _LATER = 1.0  # ticks, by which a law may be called later than it says
@@ -100,7 +101,7 @@ class Library(BoardProgram, Answer):
             f"{self.vehicle.name}: law {self.law.name} every {self.tick_s:.9g} s, {commands}; "
             f"C {digest(self).hex()}"
         )
-        moves = f"float32 moves the vehicle by at most {golden.difference * 1e3:.2g} mm"
+        moves = f"float32 moves the vehicle by at most {length(golden.difference, 2)}"
         ticks = f"{len(golden.depth)} ticks under the supervisor"
         yield f"golden trace: {way} in {ticks}; {moves}"
         if not there:

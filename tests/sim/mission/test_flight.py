@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -309,6 +310,16 @@ def test_below_its_depth_it_presses_all_out_and_comes_up(profiler, sea):
     assert len(times(flown, Note.TOO_DEEP)) == 1
     assert flown.end["v"] == pytest.approx(profiler.stroke.maximum, rel=1e-3)
     assert flown.end["z"] < profiler.hull.emergence_depth + 1e-9
+
+
+def test_only_a_cast_has_an_end_below_which_its_water_is_not_known(profiler, sea):
+    flown = fly_mission(profiler, phases(deep=150.0), sea)
+    short = uniform_column(profiler.water, 100.0)
+    unknown = "where the water is not known: below 100 m"
+    for cast, said in ((None, False), (object(), True)):
+        column = replace(short, cast=cast)
+        reasons = MissionResult(replace(flown, column=column), None).reasons
+        assert any(unknown in reason for reason in reasons) == said
 
 
 def test_the_battery_ends_the_mission_at_its_reserve(profiler, sea):

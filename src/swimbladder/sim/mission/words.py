@@ -178,10 +178,9 @@ def note_words(result: MissionResult) -> list[str]:
         found.append(_say("no volume measured"))
     for phase, stage in zip(result.flight.mission.phases, result.flight.plan.stages, strict=True):
         tolerance = float(stage["tolerance"])
+        # the file's own is refused: it is the law's, or 10 m
         if phase.depth is not None and tolerance >= phase.depth:
-            found.append(  # the file's own is refused: it is the law's, or 10 m
-                _say("no tolerance", phase=phase, tolerance=tolerance)
-            )
+            found.append(_say("no tolerance", phase=phase, tolerance=tolerance))
     return found
 
 
@@ -192,9 +191,8 @@ def reason_words(result: MissionResult) -> list[str]:
     flown = "" if result.flight.stop is Stop.FINISHED else flown
     found = [f"{REASONS[result.flight.stop]}, after {flown}{span_words(result.flight.duration)}"]
     if (alarm := result.alarm) is not None:
-        found.append(
-            f"the supervisor took over after {span_words(alarm.time)}: {alarm.reason.words}"
-        )
+        after = span_words(alarm.time)
+        found.append(f"the supervisor took over after {after}: {alarm.reason.words}")
     if result.flight.stop is Stop.BATTERY_EMPTY:
         found.append(battery_words(result.flight))
     numbers = {title: n for n, title in enumerate(result.flight.mission.titles)}
@@ -215,12 +213,10 @@ def reason_words(result: MissionResult) -> list[str]:
     found += _avoided_words(result)
     landed = int(np.sum(result.flight.notes["what"] == Note.BOTTOM))
     if landed:
-        found.append(
-            f"it came down on the bottom at {result.flight.mission.bottom:g} m {landed} "
-            f"time{'s' if landed > 1 else ''}"
-        )
+        often = f"{result.flight.mission.bottom:g} m {counted(landed, 'time')}"
+        found.append(f"it came down on the bottom at {often}")
     deepest = float(np.max(result.flight.cycles["deepest"]))
-    if deepest > result.flight.column.deepest:
+    if result.flight.column.cast is not None and deepest > result.flight.column.deepest:
         found.append(_say("beyond the water", deepest=deepest, result=result))
     if not result.energy_known:
         found.append(result.flight.plan.energy_known)
