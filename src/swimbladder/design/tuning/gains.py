@@ -622,7 +622,8 @@ class Search:
         found: list[TuningParameters] = []
         learnt: Counter[float] = Counter()  # how fast it learns only a trial off its ballast shows
         each = math.ceil(most / len({one.learning for _, one in kept} or {0.0}))
-        for _, tuning in kept if goal == "fast" else _spread(kept):
+        order = kept if goal == "fast" else _spread(kept, most if self.recipe.holds else 0)
+        for _, tuning in order:
             if len(found) == most:
                 break
             if goal == "fast" and learnt[tuning.learning] == each:
@@ -631,6 +632,24 @@ class Search:
                 found.append(tuning)
                 learnt[tuning.learning] += 1
                 self.report(0.1 * part / most)
+        return found
+
+    def _fitted(self, tuning: Any, over: Trial, drawn: Drawn) -> list[Any]:
+        """Return what comes of the bands in which the error is nearest to what is allowed.
+
+        Where a band holds a depth that a wider one loses, the next is between the two.
+        """
+        held, tried = self.asked.held, [(tuning.band, over.rms)]
+        found = []
+        for _ in range(_FITTED):
+            band, rms = tried[-1]
+            band *= max(held / rms, 0.5)
+            kept = max((b for b, off in tried if off <= held), default=0.0)
+            lost = min((b for b, off in tried if off > held and b > kept), default=math.inf)
+            if not kept < band < lost:
+                band = math.sqrt(kept * lost) if kept > 0.0 and lost < math.inf else band
+            found.append(self.tried(tuning._replace(band=band), drawn))
+            tried.append((band, found[-1][2].rms))
         return found
 
     def _of_loops(self) -> Found:
@@ -655,10 +674,7 @@ class Search:
             # neighbours differ by less than few runs show
             final = []
             for _, tuning, over in scored[:_FINAL]:
-                for _ in range(_FITTED):
-                    fitted = tuning._replace(band=tuning.band * max(held / over.rms, 0.5))
-                    _, tuning, over = one = self.tried(fitted, drawn)
-                    final.append(one)
+                final += self._fitted(tuning, over, drawn)
             scored = sorted(final, key=lambda one: one[0]) + scored[_FINAL:]
         if scored:
             self._refuse_alarms(*scored[0][1:])
@@ -793,12 +809,21 @@ class Search:
         return self._chosen(tuning, None, over, radius)
 
 
-def _spread(kept: list[tuple[float, TuningParameters]]) -> list[tuple[float, TuningParameters]]:
-    """Return the first of every frequency and damping: how slow is too slow only a trial shows."""
+def _spread(
+    kept: list[tuple[float, TuningParameters]], apart: int
+) -> list[tuple[float, TuningParameters]]:
+    """Return the first of every frequency and damping: how slow is too slow only a trial shows.
+
+    apart: as many as far apart as they can be come before the others.
+    """
     first: dict[tuple[float, float], tuple[float, TuningParameters]] = {}
     for worth, k in kept:
         first.setdefault((round(k.frequency / k.inner, 6), k.damping), (worth, k))
-    return list(first.values())
+    found = list(first.values())
+    ahead = sorted(
+        {round(place) for place in np.linspace(0, len(found) - 1, min(apart, len(found)))}
+    )
+    return [found[k] for k in ahead] + [one for k, one in enumerate(found) if k not in ahead]
 
 
 def _tightened(m: Margins) -> Margins:
