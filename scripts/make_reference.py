@@ -22,9 +22,9 @@ from swimbladder.io.log_format import LogColumns, LogFormat
 from swimbladder.io.mission import Grounding, Ice, Mission, Phase, Safety, Setpoint
 from swimbladder.physics.seawater import InternalWave, Swell
 from swimbladder.sim.faults.kinds import KINDS, Range
+from swimbladder.units import _UNITS
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
-from swimbladder.vehicle.units import _UNITS
 
 FOLDER = Path(__file__).parents[1] / "docs" / "reference"
 _REGION = re.compile(r"(<!-- made from the schema: (\w+) -->\n).*?(<!-- end -->)", flags=re.DOTALL)

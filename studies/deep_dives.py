@@ -39,8 +39,8 @@ from swimbladder.estimation.motion.deep_model import (
     run_volumes,
 )
 from swimbladder.io.config import load_vehicle
+from swimbladder.units import shown_unit, unit_factor
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import shown_unit, unit_factor
 
 __all__ = ["Prediction", "Study", "constant_speeds", "predict", "study"]
 

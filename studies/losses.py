@@ -21,8 +21,8 @@ from swimbladder.cli.common import progress
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.faults import FaultResult, faults
 from swimbladder.sim.faults.campaign_result import rule_of_three
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import parse_quantity
 
 __all__ = ["Losses", "losses", "main", "pooled", "seeds_of"]
 

@@ -15,7 +15,7 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import State, motor_rhs, plant
 from swimbladder.physics.electric import steady_drive
 from swimbladder.sim.closed_loop import simulate, step_metrics
-from swimbladder.vehicle.units import parse_quantity
+from swimbladder.units import parse_quantity
 
 ATMOSPHERE = 101325.0
 

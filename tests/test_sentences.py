@@ -8,7 +8,7 @@ import pytest
 
 import swimbladder
 from swimbladder.estimation.estimates import Finding, sentence
-from swimbladder.vehicle.units import per_si, texts_of
+from swimbladder.units import per_si, texts_of
 
 ROOT = Path(swimbladder.__file__).parent
 ROOM, TEXTS = ROOT / "estimation", texts_of("estimation")

@@ -16,7 +16,7 @@ import typer
 from swimbladder import __version__, cli
 from swimbladder.cli import COMMANDS, GROUPS, common, main
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.vehicle.units import quantity
+from swimbladder.units import quantity
 
 HEAVY = ("scipy", "pandas", "xarray", "matplotlib", "control", "numba", "numpy", "pydantic")
 

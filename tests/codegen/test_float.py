@@ -30,8 +30,8 @@ from swimbladder.physics.seawater import uniform_column
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.engine.rodas.records import Note
 from swimbladder.sim.mission.flight import fly_mission
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Oil, PowerLawPump, Sensors, Supervisor
-from swimbladder.vehicle.units import parse_quantity
 from tests.codegen import chip, cortex, fuzz
 from tests.codegen.build import STRICT, Compiled, run
 from tests.codegen.laws import bits, flat, split

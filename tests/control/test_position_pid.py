@@ -18,7 +18,7 @@ from swimbladder.control.position_pid import (
     initial,
     step,
 )
-from swimbladder.vehicle.units import parse_quantity
+from swimbladder.units import parse_quantity
 
 SAMPLE = 16000 / 32768
 AREA = math.pi * 0.020**2

@@ -93,7 +93,7 @@ def test_names_that_are_known(name, meant):
 
 @pytest.mark.parametrize("unit", ["decibar", "degrees_Celsius", "psu", "S m-1", "1e-3"])
 def test_units_of_oceanographers(unit):
-    from swimbladder.vehicle.units import unit_factor
+    from swimbladder.units import unit_factor
 
     wanted = {"decibar": "dbar", "degrees_Celsius": "degC", "S m-1": "S/m"}.get(unit, "")
     assert unit_factor(plain_unit(unit), wanted) == 1.0

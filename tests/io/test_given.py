@@ -10,7 +10,7 @@ import swimbladder as sb
 from studies.benches import Motor, random_moves
 from swimbladder.errors import InputError
 from swimbladder.io.given import accepting, units_of
-from swimbladder.vehicle.units import parse_quantity
+from swimbladder.units import parse_quantity
 from tests.quoted import refused
 
 VEHICLE = sb.load_vehicle("feup-em")

@@ -10,9 +10,9 @@ from swimbladder.io.vehicle_file import KINDS, vehicle_start, vehicle_template
 from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.hull import neutral_volume, weight_mass
 from swimbladder.physics.seawater import uniform_column
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import models_in, tags_of
-from swimbladder.vehicle.units import parse_quantity
 
 
 def loaded(folder, text):

@@ -12,6 +12,7 @@ from swimbladder import vehicle as parameters
 from swimbladder.errors import InputError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.presets import preset_names
+from swimbladder.units import unit_factor
 from swimbladder.vehicle import (
     Actuator,
     Drag,
@@ -23,7 +24,6 @@ from swimbladder.vehicle import (
     input_error,
 )
 from swimbladder.vehicle.schema import Parameters, did_you_mean, dotted, meanings
-from swimbladder.vehicle.units import unit_factor
 
 FEUP = {
     "name": "feup",

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swimbladder.errors import InputError, UnitError
-from swimbladder.vehicle.units import (
+from swimbladder.units import (
     _UNITS,
     format_quantity,
     parse_quantity,

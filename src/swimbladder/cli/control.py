@@ -39,7 +39,7 @@ from swimbladder.cli.options import (
 from swimbladder.cli.reading import CastReading, DepthSensor, water_of_cast
 from swimbladder.errors import InputError
 from swimbladder.show.parts import Table
-from swimbladder.vehicle.units import quantity, with_one_unit
+from swimbladder.units import quantity, with_one_unit
 
 if TYPE_CHECKING:
     from swimbladder.codegen.pool import PoolOptions

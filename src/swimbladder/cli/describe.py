@@ -36,7 +36,7 @@ from swimbladder.cli.reading import NO_CAST, CastReading, Casts, refuse_doubted_
 from swimbladder.errors import InputError, check_number
 from swimbladder.show.parts import Table
 from swimbladder.show.text import rich_table
-from swimbladder.vehicle.units import quantity
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle

@@ -48,7 +48,7 @@ from swimbladder.cli.reading import (
     vehicle_of,
 )
 from swimbladder.errors import InputError, SwimbladderError
-from swimbladder.vehicle.units import quantity, unit_of, with_one_unit
+from swimbladder.units import quantity, unit_of, with_one_unit
 
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison import Comparison

@@ -40,7 +40,7 @@ from swimbladder.cli.common import (
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.io.answers import Answer
 from swimbladder.show.parts import Part, Shown
-from swimbladder.vehicle.units import quantity, with_one_unit
+from swimbladder.units import quantity, with_one_unit
 
 if TYPE_CHECKING:
     from swimbladder.vehicle import Vehicle

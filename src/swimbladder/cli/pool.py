@@ -33,7 +33,7 @@ from swimbladder.cli.options import (
 )
 from swimbladder.errors import InputError, SwimbladderError, UnitError
 from swimbladder.show.text import rich_table
-from swimbladder.vehicle.units import parse_quantity, quantity
+from swimbladder.units import parse_quantity, quantity
 
 if TYPE_CHECKING:
     from swimbladder.design.plan import Plan

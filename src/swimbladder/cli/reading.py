@@ -18,7 +18,7 @@ import typer
 from swimbladder.cli.common import aside, progress, said_as_typed
 from swimbladder.cli.options import Given, Options, Several, once, pair, pairs, valued
 from swimbladder.errors import InputError, LogError
-from swimbladder.vehicle.units import quantity
+from swimbladder.units import quantity
 
 if TYPE_CHECKING:
     from swimbladder.io.log_format import LogFormat

@@ -39,8 +39,8 @@ from swimbladder.sim.faults.draw import Result, course_of, draw
 from swimbladder.sim.faults.flight import OWN
 from swimbladder.sim.faults.kinds import KINDS, On
 from swimbladder.sim.faults.run import FaultCampaign
+from swimbladder.units import in_unit, read_numbers, rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import in_unit, read_numbers, rounded
 
 _ON_DECK, _RESET = 3, 5  # ticks before it is armed; before and after a reset
 _LATE = 0.1  # of a sample time, by which a tick may be late

@@ -50,8 +50,8 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.closed_loop.checks import check_sample_time, turned_round
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.closed_loop.single import choose_law
+from swimbladder.units import length
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import length
 
 _ARRIVED = 0.1  # of the step, within which a golden trace has arrived
 _LATER = 1.0  # ticks, by which a law may be called later than it says

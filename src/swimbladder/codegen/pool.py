@@ -26,8 +26,8 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.closed_loop import simulate
+from swimbladder.units import in_unit, read_numbers
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import in_unit, read_numbers
 
 _LONGEST = 3600.0  # s, that a round may take in a rehearsal
 _AFLOAT = 60.0  # s, at the surface before it begins

@@ -7,10 +7,10 @@ from typing import Any
 from swimbladder.control.law import SMOOTH, Friction, Law, from_leaves, leaf_names, leaves
 from swimbladder.errors import InputError
 from swimbladder.physics.actuator import refuse_pump_and_valve
+from swimbladder.units import quantity
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.plugins import Registry
 from swimbladder.vehicle.schema import check_choice, did_you_mean
-from swimbladder.vehicle.units import quantity
 
 
 def _own(module: str) -> Callable[[], Law]:

@@ -25,8 +25,8 @@ from swimbladder.errors import check_number
 from swimbladder.io.answers import Answer, as_json, plain
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.checks import law_at_rest
+from swimbladder.units import say
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import say
 
 DOWN = "Give a depth below the surface, positive down"
 

@@ -37,8 +37,8 @@ from swimbladder.physics.hull import (
 from swimbladder.physics.seawater import Cast, Column, cast_column, check_rows, uniform_column
 from swimbladder.physics.seawater.cast import above_rating, check_cast_unit
 from swimbladder.physics.seawater.column import ATMOSPHERE
+from swimbladder.units import in_unit, parse_quantity, read_numbers, rounded
 from swimbladder.vehicle import Hull, HullPart, PhysicalMotion, Vehicle
-from swimbladder.vehicle.units import in_unit, parse_quantity, read_numbers, rounded
 
 # Where nothing is said: the error of a neutral volume that one experiment leaves; a share of the
 # hull's compression, as `tune` takes where nothing was identified; and how well the density of the

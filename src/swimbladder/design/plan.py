@@ -13,9 +13,9 @@ from pydantic import Field
 
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.vehicle_file import toml_lines, toml_value
+from swimbladder.units import format_quantity, parse_quantity, shown_unit
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import refusal
-from swimbladder.vehicle.units import format_quantity, parse_quantity, shown_unit
 
 _Length = Annotated[float, Unit("m")]
 _Time = Annotated[float, Unit("s"), Field(ge=0.0)]

@@ -11,8 +11,7 @@ import numpy as np
 from swimbladder.errors import InputError
 from swimbladder.io.answers import as_json
 from swimbladder.physics.arrays import Array
-from swimbladder.vehicle.schema import did_you_mean
-from swimbladder.vehicle.units import (
+from swimbladder.units import (
     parse_quantity,
     quantity,
     say,
@@ -20,6 +19,7 @@ from swimbladder.vehicle.units import (
     unit_of,
     with_one_unit,
 )
+from swimbladder.vehicle.schema import did_you_mean
 
 Origin = Literal["data", "prior", "set", "none"]
 Severity = Literal["note", "warning", "no"]

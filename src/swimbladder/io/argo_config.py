@@ -26,7 +26,7 @@ from swimbladder.io.columns import plain_unit
 from swimbladder.io.log_text import LogFile, is_netcdf
 from swimbladder.io.mission import Mission
 from swimbladder.io.netcdf import NetCDF
-from swimbladder.vehicle.units import unit_factor
+from swimbladder.units import unit_factor
 
 PLACE = 45.0  # degrees of latitude
 AT_SURFACE = 1800.0  # s, to position itself and to send

@@ -37,7 +37,7 @@ from swimbladder.io.log_table import read_table
 from swimbladder.io.log_text import LogFile, Value, counted
 from swimbladder.io.netcdf import NetCDF
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.vehicle.units import has_kind
+from swimbladder.units import has_kind
 
 _FARTHEST = {"latitude": 90.0, "longitude": 360.0}  # degrees
 

@@ -13,7 +13,7 @@ import numpy as np
 from swimbladder.errors import column_as
 from swimbladder.io.cast_columns import RawCast
 from swimbladder.physics.arrays import Array
-from swimbladder.vehicle.units import unit_factor
+from swimbladder.units import unit_factor
 
 DEEPEST = 11_500.0  # dbar: Challenger Deep has 11 250
 _HOT = 32.5  # degC, and a salinity

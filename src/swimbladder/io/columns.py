@@ -12,8 +12,8 @@ from typing import NamedTuple
 from swimbladder.errors import LogError, column_as
 from swimbladder.io.log_format import COLUMNS, LogColumn, bracketed
 from swimbladder.io.log_text import LogFile
+from swimbladder.units import has_kind, unit_factor
 from swimbladder.vehicle.schema import did_you_mean
-from swimbladder.vehicle.units import has_kind, unit_factor
 
 Mapped = Mapping[str, LogColumn | str]
 

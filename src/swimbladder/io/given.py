@@ -14,7 +14,7 @@ from typing import Any, ParamSpec, TypeVar
 
 from swimbladder.errors import InputError
 from swimbladder.io.log_text import is_frame
-from swimbladder.vehicle.units import quantity, unit_factor, with_one_unit
+from swimbladder.units import quantity, unit_factor, with_one_unit
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")

@@ -36,9 +36,9 @@ from swimbladder.errors import InputError, UnitError
 from swimbladder.io.config import file_text, read_model
 from swimbladder.io.files import file_there
 from swimbladder.io.log_formats import FORMATS
+from swimbladder.units import has_kind, unit_factor
 from swimbladder.vehicle import Parameters, Unit
 from swimbladder.vehicle.schema import did_you_mean, quantity_in, refusal
-from swimbladder.vehicle.units import has_kind, unit_factor
 
 
 class LogColumn(Parameters):

@@ -38,7 +38,7 @@ from swimbladder.io.log_rows import Sheet, open_sheet
 from swimbladder.io.log_table import Table, TimeColumn, read_table
 from swimbladder.io.log_text import LogFile, counted
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.vehicle.units import parse_quantity
+from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -21,9 +21,9 @@ from swimbladder.control.registry import LAWS, law_by_name
 from swimbladder.errors import InputError
 from swimbladder.io.config import check_vehicle
 from swimbladder.io.files import write_atomically
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, listed_model, meanings, models_in, tags_of
-from swimbladder.vehicle.units import parse_quantity
 
 _ALWAYS = ("schema_version", "kind", "law")
 

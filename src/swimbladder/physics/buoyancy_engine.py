@@ -32,6 +32,7 @@ from swimbladder.physics.steady_drives import (
     terminal_power,
     valve_flow,
 )
+from swimbladder.units import say
 from swimbladder.vehicle import (
     DatasheetPump,
     ElectrohydraulicActuator,
@@ -42,7 +43,6 @@ from swimbladder.vehicle import (
     UnifiedActuator,
     Vehicle,
 )
-from swimbladder.vehicle.units import say
 
 _say = partial(say, "physics", "energy")
 

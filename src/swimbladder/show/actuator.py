@@ -17,7 +17,7 @@ from swimbladder.show.estimates import STRONG, row
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Gone, Labelled, Part, Shown, Table, labelled, severity
 from swimbladder.show.picture import Ink, Panel, Picture, one_panel, stacked
-from swimbladder.vehicle.units import rounded, unit_factor
+from swimbladder.units import rounded, unit_factor
 
 _STEADY = 0.02  # of the largest voltage: the same
 _FEWEST = 5  # samples that show a speed

@@ -17,7 +17,7 @@ from swimbladder.io.columns import TAKEN
 from swimbladder.show.estimates import with_std
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, stacked
-from swimbladder.vehicle.units import format_quantity, shown_unit
+from swimbladder.units import format_quantity, shown_unit
 
 
 def draw_ahead(ahead: Ahead) -> Picture:

@@ -20,8 +20,8 @@ from swimbladder.design.energy.run import dive_columns, fit_sentences, spread_in
 from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.parts import Drawn, Gone, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded
 
 _STAGES = {
     "battery": Ink.SKY,

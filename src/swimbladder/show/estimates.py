@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from swimbladder.estimation.motion import Estimate, Identification
 from swimbladder.show.html import TEXTS
-from swimbladder.vehicle.units import rounded, shown_unit, unit_factor
+from swimbladder.units import rounded, shown_unit, unit_factor
 
 STRONG = 0.5  # correlation worth a line
 

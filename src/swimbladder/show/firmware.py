@@ -16,7 +16,7 @@ from swimbladder.physics.arrays import Array
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Part, Shown, Table
 from swimbladder.show.picture import Ink, Picture, stacked
-from swimbladder.vehicle.units import rounded
+from swimbladder.units import rounded
 
 _COMMANDS = {
     "voltage": ("voltage [V]", 1.0),

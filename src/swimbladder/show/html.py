@@ -16,7 +16,7 @@ from swimbladder.errors import OPTIONS, as_asked
 from swimbladder.show.interactive import as_plotly
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table
 from swimbladder.show.picture import Picture
-from swimbladder.vehicle.units import rounded
+from swimbladder.units import rounded
 
 TEXTS = tomllib.loads(files("swimbladder.show").joinpath("texts.toml").read_text("utf-8"))
 """What the reports say of figures, parameters and tables, texts.toml."""

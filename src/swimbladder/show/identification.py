@@ -35,7 +35,7 @@ from swimbladder.show.parts import (
 )
 from swimbladder.show.picture import Ink, Picture, grid_of
 from swimbladder.sim.pool import Fit
-from swimbladder.vehicle.units import rounded, shown_unit, unit_factor
+from swimbladder.units import rounded, shown_unit, unit_factor
 
 _SYMBOL = {"drag_quadratic": "k_dt", "mass": "m"}
 PSI = {"free": "estimated", "prior": "with its prior", "set": "as set", "zero": "left out"}

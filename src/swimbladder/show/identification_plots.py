@@ -16,7 +16,7 @@ from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import NAMES, Estimate, ExperimentFit, Identification
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.show.picture import Axis, Ink, Panel, Picture, grid_of, one_panel
-from swimbladder.vehicle.units import rounded, shown_unit, unit_factor
+from swimbladder.units import rounded, shown_unit, unit_factor
 
 _PRETTY = {"1/m2/s": "1/(m² s)", "N s2/m2": "N s²/m²"}
 _SYMBOL = {

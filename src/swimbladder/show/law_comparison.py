@@ -18,7 +18,7 @@ from swimbladder.physics.arrays import Array
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Labelled, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
-from swimbladder.vehicle.units import rounded
+from swimbladder.units import rounded
 
 _COLORS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
 _MARKERS = {"fast": "^", "quiet": "o"}

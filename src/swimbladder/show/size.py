@@ -15,8 +15,8 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.physics.arrays import Array
 from swimbladder.show.parts import Drawn, Part, Shown, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of, one_panel
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded
 
 _WIDEST = 5.0  # of the lightest: heavier bars are cut, and their mass written
 _ABOVE = 1.08  # of the largest, so that its marker is whole; the stroke's lies below the mass's

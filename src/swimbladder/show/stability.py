@@ -12,7 +12,7 @@ from swimbladder.design.stability.run import Stability, cycle_rows, robustness_r
 from swimbladder.errors import NoAnswerError
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of, stacked
-from swimbladder.vehicle.units import length
+from swimbladder.units import length
 
 _CAME_BACK = {Verdict.RECOVERED: Ink.BLUE, Verdict.SLOW: Ink.SKY, Verdict.UNSETTLED: Ink.ORANGE}
 _COLORS = _CAME_BACK | {Verdict.NOT_ASKED: "#FFFFFF", Verdict.LOST: Ink.VERMILION}

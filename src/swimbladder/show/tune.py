@@ -15,7 +15,7 @@ from swimbladder.io.vehicle_file import vehicle_file
 from swimbladder.show.html import TEXTS
 from swimbladder.show.parts import Drawn, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Picture, grid_of, stacked
-from swimbladder.vehicle.units import shown_unit, unit_factor
+from swimbladder.units import shown_unit, unit_factor
 
 _LEAST = 0.05  # sensitivity that is shown
 _QUIET = 0.2  # of the supply's voltage: where less is used the supply is not shown

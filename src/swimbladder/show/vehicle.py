@@ -13,9 +13,9 @@ from swimbladder.physics.buoyancy_engine import drive_map
 from swimbladder.physics.dynamics import body_plant, terminal_speed
 from swimbladder.show.parts import Drawn, Part, Shown, Table
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
+from swimbladder.units import rounded, shown_unit, unit_factor
 from swimbladder.vehicle import Positioner, PumpAndValve, Vehicle, field_unit
 from swimbladder.vehicle.schema import dotted, meanings
-from swimbladder.vehicle.units import rounded, shown_unit, unit_factor
 
 _DEEP = 100.0  # m, drawn of a vehicle whose reach nothing limits
 _DIGITS = 6

@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, GetCoreSchemaHandler, ValidationErro
 from pydantic_core import ErrorDetails, PydanticCustomError, core_schema
 
 from swimbladder.errors import InputError
-from swimbladder.vehicle.units import parse_quantity
+from swimbladder.units import parse_quantity
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass

@@ -18,8 +18,8 @@ from swimbladder.sim.mission.core.hooks import DEAD
 from swimbladder.sim.mission.flight import fly_mission
 from swimbladder.sim.mission.orders import law_facts, law_parameters
 from swimbladder.sim.mission.prepare import make_plan
+from swimbladder.units import parse_quantity
 from swimbladder.vehicle import Controller
-from swimbladder.vehicle.units import parse_quantity
 from tests.quoted import refused
 from tests.sim.mission.conftest import phases
 

@@ -48,8 +48,8 @@ from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Cast, Column, cast_column, uniform_column
 from swimbladder.physics.seawater.cast import above_rating, check_cast_unit
 from swimbladder.physics.steady_drives import SteadyPoint
+from swimbladder.units import in_unit, read_numbers, rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import in_unit, read_numbers, rounded
 
 SHARES = np.linspace(0.025, 1.0, 40)  # of the full voltage, in the efficiency map
 _DEEP = 100.0  # m, where neither the user nor the vehicle's rating says how deep

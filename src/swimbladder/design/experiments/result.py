@@ -19,8 +19,8 @@ from swimbladder.design.plan import Expected, Plan, PlannedExperiment, Trace
 from swimbladder.estimation.estimates import Finding
 from swimbladder.estimation.motion.diagnose import LIMIT, describe
 from swimbladder.io.answers import Answer, as_json
+from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import format_quantity
 
 _SEEN = 1.5  # of the noise: a residual that is larger shows that something is left out
 _FAST = 0.2  # m/s

@@ -36,8 +36,8 @@ from swimbladder.estimation.motion.problem import (
 )
 from swimbladder.io.progress import Advance, silent
 from swimbladder.sim.pool import pool_parameters, run_procedure
+from swimbladder.units import format_quantity
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
-from swimbladder.vehicle.units import format_quantity
 
 PAPER = tuple(sign * dV for dV in (20e-6, 30e-6, 45e-6, 75e-6) for sign in (1.0, -1.0))  # m3, 3.1
 _TIME = 3600.0  # s

@@ -29,9 +29,9 @@ from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import Swell
+from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import no_such
-from swimbladder.vehicle.units import rounded
 
 LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered

@@ -45,9 +45,9 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.physics.dynamics import Plant
 from swimbladder.sim.closed_loop import drive
+from swimbladder.units import length, rounded
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import check_choice
-from swimbladder.vehicle.units import length, rounded
 
 _FREE = 4  # rounds without a leash: Newton's method mostly needs fewer
 _LEASH = 0.6  # what it shrinks by

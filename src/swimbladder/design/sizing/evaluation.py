@@ -28,8 +28,8 @@ from swimbladder.physics.electric import (
 from swimbladder.physics.hull import neutral_volume
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.steady_drives import terminal_power
+from swimbladder.units import read_numbers
 from swimbladder.vehicle import Vehicle, Water
-from swimbladder.vehicle.units import read_numbers
 
 # Bounds of a dive's numbers, as `check_number` takes them.
 _ABOVE, _LEAST, _WATER = {"above": 0.0}, {"least": 0.0}, {"least": -5.0, "most": 60.0}

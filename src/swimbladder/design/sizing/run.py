@@ -34,6 +34,7 @@ from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import weight_mass
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
 from swimbladder.physics.seawater import Column, uniform_column
+from swimbladder.units import rounded
 from swimbladder.vehicle import (
     DatasheetPump,
     ElectromechanicalActuator,
@@ -45,7 +46,6 @@ from swimbladder.vehicle import (
     Vehicle,
 )
 from swimbladder.vehicle.schema import check_choice
-from swimbladder.vehicle.units import rounded
 
 Least = Literal["mass", "energy"]
 Solve = Callable[[Dive], tuple[Requirements, Evaluation]]

@@ -45,8 +45,8 @@ from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, drag_per_mass, plant
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.units import say
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import say
 
 _say = partial(say, "design", "stability")
 

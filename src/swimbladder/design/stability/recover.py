@@ -48,8 +48,8 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, acceleration, plant
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded
 
 _FASTEST = 50.0  # m/s, beyond any vehicle's speed
 _PIECE = 20.0  # s, between two checks at where it is

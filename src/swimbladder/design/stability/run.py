@@ -49,9 +49,9 @@ from swimbladder.jobs import Store
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.supervision import supervision_of
+from swimbladder.units import length, say
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import no_such
-from swimbladder.vehicle.units import length, say
 
 _say = partial(say, "design", "stability")
 

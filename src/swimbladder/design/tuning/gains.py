@@ -44,9 +44,9 @@ from swimbladder.io.progress import Advance
 from swimbladder.physics.buoyancy_engine import at_voltage
 from swimbladder.physics.dynamics import plant
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.units import say
 from swimbladder.vehicle import PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import no_such
-from swimbladder.vehicle.units import say
 
 _say = partial(say, "design", "tuning")
 

@@ -12,8 +12,8 @@ from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.physics.dynamics import Plant
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded
 
 _WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from it
 

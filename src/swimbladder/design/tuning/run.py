@@ -33,9 +33,9 @@ from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.water import medium_of
 from swimbladder.sim.engine.modes import Layers
+from swimbladder.units import rounded, say
 from swimbladder.vehicle import Controller, DatasheetPump, Positioner, PumpAndValve, Vehicle
 from swimbladder.vehicle.schema import check_choice
-from swimbladder.vehicle.units import rounded, say
 
 _say = partial(say, "design", "tuning")
 

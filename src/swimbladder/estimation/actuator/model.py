@@ -41,7 +41,7 @@ from swimbladder.estimation.estimates import Estimate
 from swimbladder.estimation.series import Autoregression, Index
 from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import compiled
-from swimbladder.vehicle.units import format_quantity
+from swimbladder.units import format_quantity
 
 
 class Drive(NamedTuple):

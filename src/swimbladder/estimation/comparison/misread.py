@@ -23,8 +23,8 @@ from swimbladder.io.logs import Log
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.sim.engine.cache import compiled
+from swimbladder.units import unit_factor
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import unit_factor
 
 if TYPE_CHECKING:
     from swimbladder.estimation.comparison.record import Record

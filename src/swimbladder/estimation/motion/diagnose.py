@@ -41,8 +41,8 @@ from swimbladder.estimation.motion.problem import (
 from swimbladder.estimation.motion.result import Choice, ExperimentFit, Psi
 from swimbladder.estimation.series import Index, rms
 from swimbladder.physics.arrays import Array
+from swimbladder.units import format_quantity, shown_unit
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import format_quantity, shown_unit
 
 _TRACE = 0.02  # of the drag, that a blended one begins with beside a law that was fitted
 _HARDLY = 1e-4  # of the drag: with less laminar drag K2 and T2 would be at their limits

@@ -13,7 +13,7 @@ import numpy as np
 from swimbladder.estimation.motion.result import ExperimentFit, Identification
 from swimbladder.io.answers import as_json
 from swimbladder.sim.pool import Fit, Record, average, fit_depth, fit_speed
-from swimbladder.vehicle.units import rounded
+from swimbladder.units import rounded
 
 _UNEVEN = 0.05  # of the sample time, that samples may be off an even grid
 _FEWEST = 20  # samples

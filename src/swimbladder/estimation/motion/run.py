@@ -106,9 +106,9 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import heat_expansion
 from swimbladder.physics.seawater import Column
+from swimbladder.units import format_quantity
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import check_choice
-from swimbladder.vehicle.units import format_quantity
 
 _COARSE = 1e-3  # of the stroke, a step in which volumes are recorded, to say so
 _TO_AND_FRO = 4.0  # standard deviations: 95 % is between

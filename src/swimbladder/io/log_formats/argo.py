@@ -40,7 +40,7 @@ from swimbladder.io.log_table import Table, read_table
 from swimbladder.io.log_text import LogFile, counted, read_bytes
 from swimbladder.io.netcdf import NetCDF
 from swimbladder.physics.arrays import Array
-from swimbladder.vehicle.units import unit_factor
+from swimbladder.units import unit_factor
 
 _ACTIONS = {
     "time_s": LogColumn(name="time_s_since_day0", unit="s"),

@@ -18,7 +18,7 @@ import numpy as np
 from swimbladder.errors import InputError, Parameter, column_as
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.seawater.column import Column, grid
-from swimbladder.vehicle.units import unit_factor
+from swimbladder.units import unit_factor
 
 _problem = partial(InputError, field="cast")
 _DBAR = 1e4  # Pa

@@ -16,7 +16,7 @@ from swimbladder.physics.arrays import Array, Flags
 from swimbladder.sim.engine.advance import DONE, LEFT_WATER
 from swimbladder.sim.faults.draw import STAY, Course, FaultRow, Result, reached
 from swimbladder.sim.faults.kinds import KINDS, not_drawn
-from swimbladder.vehicle.units import rounded, say
+from swimbladder.units import rounded, say
 
 _say = partial(say, "sim", "faults")
 

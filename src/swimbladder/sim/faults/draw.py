@@ -32,8 +32,8 @@ from swimbladder.sim.closed_loop.water import (
 )
 from swimbladder.sim.engine.modes import NO_LAYERS, Layers
 from swimbladder.sim.faults.kinds import KINDS, MOTOR, On, Op, draw_fault, kinds_of, parts_of
+from swimbladder.units import rounded
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded
 
 
 class Condition(NamedTuple):

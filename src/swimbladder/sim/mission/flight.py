@@ -39,8 +39,8 @@ from swimbladder.sim.mission import orders, words
 from swimbladder.sim.mission.core.phases import Holding
 from swimbladder.sim.mission.law_flight import Pilot, pilot_of
 from swimbladder.sim.mission.prepare import DriveError, Plan, State, first_state, make_plan
+from swimbladder.units import rounded, say
 from swimbladder.vehicle import Vehicle
-from swimbladder.vehicle.units import rounded, say
 
 _say = partial(say, "sim", "mission")
 

@@ -22,8 +22,8 @@ from swimbladder.physics.hull import heat_expansion
 from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.floats import board_law
 from swimbladder.sim.closed_loop.supervision import Supervision, supervision_of
+from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
-from swimbladder.vehicle.units import rounded
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,8 @@ from swimbladder.sim.engine.rodas.records import Ice as Turn
 from swimbladder.sim.engine.rodas.records import Note, Records, Stop, Table
 from swimbladder.sim.mission.core.phases import Grounding, Kind
 from swimbladder.sim.mission.prepare import HELD, Plan, cost_words, start_time
+from swimbladder.units import say
 from swimbladder.vehicle import PumpAndValve
-from swimbladder.vehicle.units import say
 
 if TYPE_CHECKING:
     from swimbladder.sim.mission.flight import Flight
