@@ -649,8 +649,8 @@ class Search:
             band *= max(held / rms, 0.5)
             kept = max((b for b, off in tried if off <= held), default=0.0)
             lost = min((b for b, off in tried if off > held and b > kept), default=math.inf)
-            if not kept < band < lost:
-                band = math.sqrt(kept * lost) if kept > 0.0 and lost < math.inf else band
+            if kept > 0.0 and lost < math.inf and not kept < band < lost:
+                band = math.sqrt(kept * lost)
             found.append(self.tried(tuning._replace(band=band), drawn))
             tried.append((band, found[-1][2].rms))
         return found

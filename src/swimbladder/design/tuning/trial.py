@@ -39,12 +39,11 @@ def electrical_energy(vehicle: Vehicle, runs: Runs, *, supply: Any, sample_time:
     runs: with the command from each sample on. A voltage is cut to what the supply [V] gives at the
     sample's mean rate.
     """
-    q, a = np.diff(runs.volume, axis=0) / sample_time, vehicle.engine
+    q, p, a = np.diff(runs.volume, axis=0) / sample_time, plant(vehicle), vehicle.engine
     if isinstance(a, Positioner):
         moving = np.nan if a.moving_power is None else a.moving_power - a.holding_power
-        return sample_time * (moving * np.abs(q) / (a.speed * a.piston_area) + a.holding_power)
-    p, motor = plant(vehicle), winding(vehicle)
-    if motor is None:
+        return sample_time * (moving * np.abs(q) / p.rate + a.holding_power)
+    if (motor := winding(vehicle)) is None:
         return np.full_like(q, np.nan)
     q, u = q + p.k_l * runs.depth[:-1], runs.command[:-1]
     emf = motor.kappa * q * np.where(u >= 0.0, 1.0, -1.0)

@@ -125,9 +125,9 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
         return None, False
     t, z, u = rec.time[part], rec.depth[part], rec.inputs[part]
     still = is_still(drive, u, vehicle)
-    tried = (one for one in _READINGS if drive in one.of and (one.ahead > 0 or not still))
     if drive == "volume" and still:
         return None, False
+    tried = (one for one in _READINGS if drive in one.of and (one.ahead > 0 or not still))
 
     def read(as_it_is: _Reading) -> _Fit:
         ahead = as_it_is.ahead
