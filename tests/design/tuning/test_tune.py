@@ -23,7 +23,6 @@ from swimbladder.design.tuning.gains import (
     broken,
     gains,
     grid,
-    score,
     setting_of,
     tunable,
 )
@@ -294,16 +293,6 @@ def test_pulses_hold_a_depth_with_sixty_starts_an_hour():
     kept = found.to_dict()["region"]
     assert kept["starts_1_s"] == found.region.starts
     assert kept["turns_1_s"] == found.region.turns
-
-
-def test_quiet_keeps_starts_and_reversals_below_sixty_an_hour_each_first():
-    zeros = summarise(Measured(*np.zeros((len(Measured._fields), 40))))
-    calm = zeros._replace(rms=9e-3, rate=0.03e-3 / 3600.0)
-    more_starts = calm._replace(starts=78.0 / 3600.0, turns=0.0)
-    both = calm._replace(starts=55.0 / 3600.0, turns=55.0 / 3600.0)
-    fewer = calm._replace(starts=50.0 / 3600.0, turns=20.0 / 3600.0)
-    order = sorted((more_starts, both, fewer), key=lambda one: score("quiet", one, 0.01))
-    assert order == [fewer, both, more_starts]
 
 
 def test_a_motor_that_turns_round_without_a_rest_has_started_anew():

@@ -298,7 +298,6 @@ _DEAD = (1.0, 2.0, 4.0, 6.0, 9.0)  # of what the noise makes of the volume asked
 _SPARE = 1.25  # of the voltage that the load of the sea takes where it is deepest
 _OFF = 3.0  # times as long, that it may take to settle with its ballast off
 _MOVED = 0.45e-3 / 3600.0  # m3/s, that it may move meanwhile; then starts and turns count
-_STARTS = 60.0 / 3600.0  # 1/s, likewise of starts from rest, and of reversals
 
 
 def goals_of(recipe: Recipe) -> tuple[str, ...]:
@@ -384,9 +383,7 @@ def score(goal: str, t: Trial, held: float) -> tuple[float, ...]:
     if goal == "energy":
         return (off, t.energy)
     # A tenth of overshoot on the way there counts like a tenth more of starts.
-    often = max(t.starts / _STARTS, t.turns / _STARTS, 1.0)
-    moves = (t.starts + t.turns) * (1.0 + t.overshoot_95)
-    return (off, max(t.rate / _MOVED, 1.0), often, moves)
+    return (off, max(t.rate / _MOVED, 1.0), (t.starts + t.turns) * (1.0 + t.overshoot_95))
 
 
 def float_score(goal: str, t: Trial, held: float, way: float = math.inf) -> tuple[float, ...]:
