@@ -10,6 +10,7 @@ from scipy.stats import norm
 from studies.deep_drawn import drawn, known, the_vehicle
 from swimbladder.errors import NoAnswerError
 from swimbladder.estimation.estimates import Prior
+from swimbladder.estimation.motion import deep_fit
 from swimbladder.estimation.motion.deep import (
     Misfit,
     identify_deep,
@@ -19,7 +20,7 @@ from swimbladder.estimation.motion.deep import (
     water_messages,
 )
 from swimbladder.estimation.motion.deep_fit import NOISES, balance
-from swimbladder.estimation.motion.deep_model import Noise, body_of
+from swimbladder.estimation.motion.deep_model import Noise, body_of, filtered
 from swimbladder.physics.seawater import Cast, cast_column
 from tests.estimation.motion.deep import made_up_column, made_up_vehicle
 from tests.estimation.motion.test_deep import TRUTH, two_dives
@@ -73,13 +74,31 @@ def test_dives_in_reverse_order_are_no_dives(scene) -> None:
     assert "more compressible than water" in found.sentences[0]
 
 
-def test_dives_that_no_filter_follows_are_no_warning_of_numpy(scene) -> None:
-    """Pressures for temperatures: a variance of the filter came out below 0."""
+def test_dives_that_no_filter_follows_are_no_warning_of_numpy(scene, monkeypatch) -> None:
+    """A variance of the filter below 0, as rounding makes it of absurd columns."""
+    vehicle, column, (logs, _) = scene
+
+    def below(*given):
+        found = filtered(*given)
+        return found._replace(variance=-found.variance)
+
+    monkeypatch.setattr(deep_fit, "filtered", below)
+    with pytest.raises(NoAnswerError, match="cannot follow these dives"):
+        identify_deep([logs[0]], [column], vehicle, free=FREE)
+
+
+def test_pressures_for_temperatures_are_a_no_without_a_warning_of_numpy(scene) -> None:
+    """Rounding, which differs between processors, decides which gate it ends at."""
     vehicle, column, (logs, _) = scene
     log = logs[0]
     swapped = replace(log, pressure=1e5 * log.temperature, temperature=1e-4 * log.pressure)
-    with pytest.raises(NoAnswerError, match="cannot follow these dives"):
-        identify_deep([swapped], [column], vehicle, free=FREE)
+    try:
+        found = identify_deep([swapped], [column], vehicle, free=FREE)
+        said = found.sentences[0] if not found.identified else ""
+    except NoAnswerError as no:
+        said = str(no)
+    nos = ("cannot follow these dives", "one set of parameters cannot describe these dives")
+    assert any(no in said for no in nos)
 
 
 def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> None:
