@@ -1,9 +1,11 @@
 """The public names: all there, all documented, none imported before it is used."""
 
+import ast
 import inspect
 import subprocess
 import sys
 from dataclasses import fields
+from pathlib import Path
 from typing import get_type_hints
 
 import pytest
@@ -66,6 +68,27 @@ def test_the_version_is_the_one_that_is_installed():
     from importlib.metadata import version
 
     assert swimbladder.__version__ == version("swimbladder")
+
+
+def undocumented(within, path=()):
+    """Yield the functions and classes of five lines or more without docstring, local ones too.
+
+    Ruff has the shorter ones that are not local.
+    """
+    for node in ast.iter_child_nodes(within):
+        if not isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield from undocumented(node, path)
+        elif not node.name.startswith("_"):
+            own = (*path, node.name)
+            if node.end_lineno - node.lineno >= 4 and not ast.get_docstring(node):
+                yield ".".join(own)
+            yield from undocumented(node, own)
+
+
+def test_functions_within_public_functions_say_what_they_do():
+    sources = Path(swimbladder.__file__).parent.rglob("*.py")
+    found = {path: [*undocumented(ast.parse(path.read_text("utf-8")))] for path in sources}
+    assert {path: names for path, names in found.items() if names} == {}
 
 
 FUNCTIONS = [name for name in sb.__all__ if inspect.isfunction(getattr(sb, name))]

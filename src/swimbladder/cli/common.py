@@ -249,6 +249,7 @@ def compile_notice() -> Iterator[None]:
     from swimbladder.sim.engine.cache import on_compile
 
     def notice() -> None:
+        """Print the notice to stderr, once in the life of the process."""
         if not _told:
             _told.append(True)
             takes = "about 10 s for each law that is new to it, then it is kept"

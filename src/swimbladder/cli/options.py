@@ -377,6 +377,7 @@ def grouped(
     """
 
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        """Return the command with the fields of its groups as options in their place."""
         hints = get_type_hints(command, include_extras=True)
         groups: dict[str, tuple[type[Options], dict[str, str]]] = {}
         taken: list[inspect.Parameter] = []
@@ -399,6 +400,7 @@ def grouped(
 
         @wraps(command)
         def flat(**given: Any) -> None:
+            """Make the groups from the options, check their input files, and run the command."""
             typed = {"--" + name.replace("_", "-"): value for name, value in given.items()}
             for name, (kind, called) in groups.items():
                 given[name] = kind(**{one: given.pop(word) for one, word in called.items()})

@@ -482,6 +482,7 @@ def _fly_depths(
     flight.begin(after_reset=False)
 
     def tick(seen: Measurement, reference: float) -> Said:
+        """Return the board's answer to a measurement: depth and volume alone."""
         watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
         return flight.tick(watched, reference)
 
@@ -566,6 +567,7 @@ class _FaultMissions:
             flight.begin(after_reset=after_reset != 0)
 
         def tick(_memory: Any, seen: Any, said: Any) -> float:
+            """Ask the board; write reason, release and width of its answer into `said`."""
             depth, age, volume, battery, leak, lost, reference = seen[:7]
             watched = Watched(depth, age, volume, battery, leak > 0.5, int(lost), 0)
             answer = flight.tick(watched, reference)

@@ -134,6 +134,7 @@ def fly(
     rows: list[tuple[Any, ...]] = []
 
     def every_tick(seen: Measurement, reference: float) -> float:
+        """Return the board's command, and keep a row of what it measured and answered."""
         command = board(seen, reference)
         reason = _healthy(board, mission)
         rows.append((seen.depth, seen.volume, reference, command, reason))
@@ -211,6 +212,8 @@ def _fly_on_seconds(
     reasons: list[int] = []
 
     def flown(board: VehicleTwin, advance: Advance) -> Array:
+        """Return the rows of a flight with a board; what the supervisor reports joins `reasons`."""
+
         def tick(seen: Measurement, reference: float) -> tuple[float, bool]:
             command = board(seen, reference)
             reasons.append(_healthy(board, mission))

@@ -452,6 +452,7 @@ def write_library(library: Library, out: str | Path) -> list[Path]:
     out = Path(out)
 
     def write(folder: Path) -> None:
+        """Write every file of the library into a folder, byte for byte."""
         for name, text in library.files.items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -498,6 +499,7 @@ def _numbers(parameters: Any, units: Mapping[str, str]) -> list[tuple[str, str, 
     """Return (designator, value, unit) of each parameter, as C has them."""
 
     def of(record: Any, within: str) -> Iterator[tuple[str, str, str]]:
+        """Yield the fields of a record, those of nested records with their path before."""
         for name, value in record._asdict().items():
             here = f"{within}{c_field(name)}"
             if isinstance(value, tuple):

@@ -110,6 +110,7 @@ def rehearse(
     over: list[int] = []
 
     def every_tick(seen: Measurement, _: float) -> tuple[float, float]:
+        """Return (command [V], time to the next call [s]); endless when the rehearsal is over."""
         may_begin = len(rows) * tick >= _AFLOAT
         watched = Watched(seen.depth, 0.0, seen.volume, math.nan, False, 0, 0)
         command = beside.tick(watched, may_begin=may_begin)

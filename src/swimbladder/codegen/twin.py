@@ -34,6 +34,8 @@ def twin(law: Law, program: tree.Program | None = None) -> Law:
     exec(compile(text.source, f"<float32 twin of {law.name}>", "exec"), text.space)
 
     def in_float32(function: tree.Function) -> Callable[..., Any]:
+        """Return the twin's function, its arguments rounded to the C types of its parameters."""
+
         def call(*given: Any) -> Any:
             values = zip(function.parameters, given, strict=True)
             with np.errstate(all="ignore"):

@@ -116,6 +116,7 @@ def argo_mission(data: bytes, path: str | Path) -> Mission:
     names = _meta_names(data, path) if is_netcdf(data) else _names(data, path)
 
     def number(wanted: str, otherwise: float | None = None, least: float | None = None) -> float:
+        """Return a parameter by its short name; `otherwise` where the file lacks it."""
         kind, words = wanted.split("_")
         about = "(?=" if kind.startswith("PG") else "(?!"
         pattern = rf"CONFIG_{about}{_ICE})[A-Z]+\d*_{_OTHERWISE.get(words, words)}"
@@ -131,6 +132,7 @@ def argo_mission(data: bytes, path: str | Path) -> Mission:
     def numbers(
         table: Mapping[str, tuple[str, float | None]], least: float | None = None
     ) -> dict[str, float]:
+        """Return the parameters that the file has, in the law's units; pressures as depths."""
         found = {one: number(name, math.nan, least) for one, (name, _) in table.items()}
         return {
             one: value * (table[one][1] or metres)

@@ -320,6 +320,7 @@ def write_csv(
     (length,) = lengths
 
     def write(temporary: Path) -> None:
+        """Write heading and rows, a chunk at a time; numbers so that they read back exactly."""
         with temporary.open("w", encoding="ascii", newline="") as file:
             file.write(",".join(columns) + "\n")
             for start in range(0, length, _CHUNK):

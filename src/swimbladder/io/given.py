@@ -41,6 +41,7 @@ def accepting(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
     @wraps(function)
     def called(*args: _P.args, **given: _P.kwargs) -> _T:
+        """Convert what was given, defaults left alone, and call the function."""
         try:
             bound = taken.bind(*args, **given)
         except TypeError as error:

@@ -101,6 +101,7 @@ def joined_runs(tables: Sequence[PumpRuns]) -> PumpRuns:
     more = max(numbers, default=0.0) + np.arange(1.0, len(tables) + 1.0)
 
     def column(name: str, otherwise: Sequence[float]) -> Array | None:
+        """Return a column of all tables, `otherwise` for rows of tables without it."""
         found = [getattr(table, name) for table in tables]
         if name != "dive" and all(values is None for values in found):
             return None

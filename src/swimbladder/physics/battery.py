@@ -89,6 +89,7 @@ def lasting_cycles(
     x = self_discharge * duration
 
     def until(end: float) -> float:
+        """Return the number of cycles [-], not whole, after which the charge is `end` [J]."""
         taken = x * end + energy  # of a cycle that begins with this charge, nearly
         if charge <= end:
             return 0.0

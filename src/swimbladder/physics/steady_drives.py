@@ -124,6 +124,7 @@ def line_curves(
     inner = y[:-1, None] + 0.5 * step * (1.0 + _FEW_NODES)
 
     def slopes(y: Array) -> tuple[Array, Array, Array]:
+        """Return time [s], energy [J] and fall per unit of ln(p/p_reservoir), at those places."""
         p = reservoir * np.exp(y)
         head = ratio * reservoir * np.expm1(y)
         flow, taken = np.maximum(rate(head), 0.0), line.compliance(p) * p / ratio

@@ -48,6 +48,7 @@ def write_all(
     made = {name: content for name, content in contents.items() if not isinstance(content, Gone)}
 
     def write(folder: Path) -> None:
+        """Write every file into the folder, with the folders that its name has."""
         for name, content in made.items():
             make_folder((folder / name).parent)
             _write(folder / name, content)
@@ -122,6 +123,7 @@ def text(answer: Answer) -> str:
     paper = Output(width=_WIDTH, color_system=None, highlight=False, markup=False, emoji=False)
 
     def lines(part: Part) -> list[str]:
+        """Return a part's lines, indented; tables are not wrapped."""
         printed = text_lines(part, paper)
         if isinstance(part, Table):
             return [f"  {line}" for line in printed]

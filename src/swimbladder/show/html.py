@@ -79,6 +79,7 @@ def symbols(text: str) -> Markup:
         return Markup("<code>{}</code>").format(text)
 
     def set_one(match: re.Match[str]) -> str:
+        """Return the HTML of a match: power, unit, symbol with index, or minus sign."""
         symbol, below, capital, number, unit, power, digits, sign, exponent = match.groups()
         if exponent:
             ten = f"10<sup>{'−' if sign == '-' else ''}{exponent}</sup>"

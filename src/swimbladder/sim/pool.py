@@ -168,6 +168,7 @@ def run_procedure(
     named = parameters.phases
 
     def law(seen: Measurement, _: float) -> tuple[float, float]:
+        """Return the procedure's command [V] and when to ask again [s], and note both."""
         before = notes[-1][1] if notes else protocol.initial(parameters, seen, 1.0)
         u, state, next_s = protocol.step(parameters, before, seen, 1.0)
         notes.append((seen, state, u))

@@ -604,6 +604,10 @@ def curve(c: Conditions, sizes: tuple[float, float], time: float) -> Curve:
     span, values = setting.deepest - setting.shallowest, c.question.values
 
     def largest(size: float, moves: int) -> float:
+        """Return the largest share of uncertainty after as many flights as the time allows.
+
+        size [m3] to either side of neutral; moves: volume changes of a flight.
+        """
         flights = []
         for start, sign in ((setting.deepest, 1.0), (setting.shallowest, -1.0)):
             volumes, turns = [sign * size, -sign * size], [start - sign * _PLACE * span]

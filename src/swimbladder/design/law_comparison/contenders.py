@@ -300,6 +300,7 @@ def tuned(
         advance(share)
 
     def controller() -> dict[str, Any]:
+        """Return the tuned controller's fields, ready to be kept; or why there is none."""
         try:
             found = search_gains(vehicle, name, how._replace(goal=goal), progress).answer
             assert found.result_vehicle.controller is not None

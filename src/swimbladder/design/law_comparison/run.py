@@ -495,6 +495,7 @@ def _fly_all(
     how = drawn.runs, drawn.seed, drawn.column, drawn.supervised
 
     def one(job: tuple[int, int]) -> tuple[Trial, Trace]:
+        """Return a contender's trial on a scenario and its trace, from the store if kept."""
         who, p = everyone[job[0]], placed[job[1]]
         law = (who.law.name, source_of(who.law), who.parameters, who.sample_time)
 

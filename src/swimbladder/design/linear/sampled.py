@@ -83,6 +83,7 @@ def linearise_law(bound: BoundLaw, measurement: Measurement) -> LinearLaw:
     measurement = measurement._replace(time=measurement.time + sample_time)
 
     def outputs(x: Array, inputs: Array) -> Array:
+        """Return the next state and the command for a state and (depth, volume, reference)."""
         depth, volume, wanted = inputs.tolist()
         seen = measurement._replace(depth=depth, volume=volume)
         command, after, _ = step(parameters, from_numbers(type(state), x.tolist()), seen, wanted)

@@ -271,6 +271,10 @@ def search_least(task: Task, *, rest: bool, advance: Advance = silent) -> Found:
     nominal = resting(1)
 
     def slack(n: int, end: int, relaxed: str, agree: float) -> Solved:
+        """Return the motion that exceeds what is `relaxed` least; up to `_HOLDS` it is feasible.
+
+        n: samples until it is near the target; end: until it rests; agree: as in `settle`.
+        """
         nonlocal nominal
         goal = Goal(near=n if relaxed == "near" else None, rest=end, relaxed=relaxed)
 

@@ -526,6 +526,7 @@ def robustness(
     band = settling_band(parameters, step, vehicle.sensors.depth_quantum)
 
     def run(gain: float, late: bool) -> list[float]:
+        """Return the share settled, and 95th percentiles of overshoot, distance [m] and rate."""
         wrong = wrapped(bound, gain=gain, late=late, rest=rest)
         seen = traces(vehicle, wrong, step, drawn)
         found = measure(seen, float(seen.time[-1]) * 2.0 / 3.0)

@@ -189,6 +189,7 @@ def play(half: float) -> Nonlinearity:
         return np.asarray(0.5 * (1.0 + _cap(1.0 - 2.0 * ratio)) - 1j * turned)
 
     def output(x: Array) -> Array:
+        """Return the position of what is dragged along, which begins at 0."""
         followed, y = np.empty_like(x), 0.0
         for i, value in enumerate(x):
             y = min(max(y, value - half), value + half)

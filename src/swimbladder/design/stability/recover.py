@@ -275,6 +275,7 @@ def recovery_maps(
     maps: list[Map] = []
 
     def add(starts: tuple[ArrayLike, ...], asked: Flags, **about: Any) -> None:
+        """Integrate from every start of a map (depth, set-point, speed, volume) and append it."""
         stacked = np.stack(np.broadcast_arrays(*starts))
         rests = about["name"] == "steps"
         verdicts, seconds = recovery.run(stacked, asked, rests, lambda x: advance(0.25 * x))

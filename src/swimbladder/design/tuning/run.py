@@ -288,6 +288,7 @@ def search_gains(
     )
 
     def one(name: str) -> Tuned | SwimbladderError:
+        """Return a law's tuned gains, or the error that says why it has none."""
         try:
             return request.tuned(name, lambda x: advance(x / len(names)))
         except SwimbladderError as error:

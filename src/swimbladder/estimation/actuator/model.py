@@ -363,6 +363,7 @@ def guess_from(rows: Array, top: float, free: Sequence[str]) -> dict[str, float]
         return q
 
     def off(x: Array) -> Array:
+        """Return the weighted residuals of the speeds; each speed counts as 50 samples at most."""
         q = full(x)
         K, d, b, ratio = math.exp(q[0]), max(q[1], 0.0) * top, q[2] * top, math.exp(q[3])
         over = u - b
@@ -502,6 +503,10 @@ def gains(problem: Problem, q: Array) -> Spread:
     finest = lost * (FINEST * tolerance(problem.benches)) ** 2
 
     def parts(less: Array) -> tuple[float, Array]:
+        """Return (residual sum of squares, information [p, p]) of the parameters.
+
+        less [blocks]: how far each block's own gain is free, from 0 (fixed) to 1 (any).
+        """
         ridge = np.maximum(1e-10 * np.trace(JJ) / p, 1e-12 * np.diag(JJ))
         H = JJ - (A.T * less) @ A + ridge * np.eye(p)
         b = Jr - A.T @ (less * a)

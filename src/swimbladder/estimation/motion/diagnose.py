@@ -63,6 +63,7 @@ def choices(problem: Problem, fit: Fit, vehicle: Vehicle) -> tuple[Choice, ...]:
     worth = float((each * counts).sum() / counts.sum())
 
     def solved(other: Problem, begins: Begins[Ended]) -> Ended:
+        """Fit a model from where others ended; in full if it has the same drag law or is near."""
         starts = [_moved(other, one, result, held=held) for one, result, held in begins]
         same = other.model.law == problem.model.law  # what is without psi may be said
         found = solve(other, starts, briefly=not same)
@@ -301,6 +302,7 @@ def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding
     left = {i for i in range(p) if std[i] > limits[i]}
 
     def of(parts: list[int]) -> Finding:
+        """Return the finding that a parameter, or a combination of several, is not identifiable."""
         names = [problem.names[i] for i in parts]
         what = _what(names, float(std[parts[0]]), problem)
         found = Finding.of("motion", "not identifiable", what=what, remedy=_remedy(names, problem))

@@ -236,6 +236,7 @@ class Identification(Answer):
         unknown = {} if identified else {"value": None, "std": None, "ci95": None}
 
         def shown(estimates: Mapping[str, Estimate]) -> dict[str, Any]:
+            """Return estimates as JSON, without values where nothing was identified but set."""
             return {
                 name: e.to_dict() | ({} if e.origin == "set" else unknown)
                 for name, e in estimates.items()
@@ -269,6 +270,7 @@ def mass_and_drag(
         return {}
 
     def of(quantity: Callable[[Mapping[str, float]], float], unit: str) -> Estimate:
+        """Return a quantity of the parameters; its gradient is by relative steps of 1e-6."""
         at = quantity(values)
         ahead = [quantity({**values, n: values[n] * (1.0 + 1e-6)}) for n in names]
         steps = np.array([1e-6 * values[n] or 1.0 for n in names])

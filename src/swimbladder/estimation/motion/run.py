@@ -199,6 +199,7 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
     """Return every drag law, with psi as it is and otherwise, each with process noise."""
 
     def solved(other: Problem, begins: Begins[Height]) -> Height:
+        """Return the best of the fits that begin where other models ended."""
         starts = [
             {**one.values, **begin_of(other, its, one.values, held=held)}
             for its, one, held in begins
@@ -313,6 +314,8 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
     low, high = problem.bounds()
 
     def held(u: float, start: Array) -> tuple[float, Array]:
+        """Return (deviance, the other parameters) of the fit with the i-th held at u."""
+
         def full(y: Array) -> Array:
             x = np.empty(len(fit.x))
             x[i], x[others] = u, y

@@ -173,6 +173,7 @@ def indices(values: Array, *, seed: int = 1) -> list[Index]:
     from scipy.stats import bootstrap, sobol_indices
 
     def both(chosen: NDArray[np.int64]) -> Array:
+        """Return first-order and total indices [2, groups] of the chosen rows."""
         part = values[chosen]
         # twice the same output: with one alone SciPy drops an axis too many for a single input
         pair: Any = {

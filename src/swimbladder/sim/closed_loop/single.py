@@ -92,6 +92,7 @@ def run_function(block: Block, function: Callable[..., Any], advance: Advance = 
     pumped = block.stepper is not None
 
     def ask(k: int) -> None:
+        """Call the function at tick k if its time has come, and put its command into the block."""
         nonlocal wait
         if (work[Row.WAIT] if pumped else wait) <= 0.0:
             seen = Measurement(

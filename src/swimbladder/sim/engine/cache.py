@@ -412,6 +412,8 @@ def on_compile(notice: Callable[[], None]) -> Iterator[None]:
     """
 
     class Listener(event.Listener):
+        """Gives the notice at the first compilation that numba reports."""
+
         announced = False
 
         def on_start(self, event: Any) -> None:  # noqa: ARG002

@@ -32,6 +32,7 @@ def call_begin(typingctx: Any, address: Any, memory: Any, after_reset: Any) -> A
     """Call ``void begin(void *memory, int after_reset)`` at an address."""
 
     def code(context: Any, builder: Any, signature: Any, args: Any) -> Any:  # noqa: ARG001
+        """Emit the call through a pointer made of the address."""
         kind = ir.FunctionType(ir.VoidType(), [_BYTES, ir.IntType(32)])
         function = builder.inttoptr(args[0], kind.as_pointer())
         builder.call(function, [builder.inttoptr(args[1], _BYTES), args[2]])

@@ -417,6 +417,7 @@ def fly_mission(
     store = Store(keep, *about, plan.given, plan.table, plan.waves, plan.stages, begin, at.copy())
 
     def flown(rows: Records, notes: Records, cycles: Records) -> Flight:
+        """Return the flight so far, with these rows, notes and cycles."""
         return Flight(
             vehicle=vehicle,
             mission=mission,

@@ -62,6 +62,7 @@ def with_line(without: Callable[..., R]) -> Callable[[Callable[P, R]], Callable[
     """
 
     def choose(function: Callable[P, R]) -> Callable[P, R]:
+        """Return the function for vehicles with a line, `without` for others."""
         own = part(function)
 
         def of_value(of: Any) -> Callable[..., Any]:

@@ -406,6 +406,7 @@ def potential(given: np.record, table: Array, z: float) -> float:
     nodes, weights = np.polynomial.legendre.leggauss(3)
 
     def cell(a: float, b: float) -> float:
+        """Return the integral from depth a to b [J], exact within a cell of the table."""
         total = 0.0
         for node, weight in zip(nodes, weights, strict=True):
             at = 0.5 * (a + b) + 0.5 * (b - a) * float(node)
