@@ -365,7 +365,7 @@ def test_the_fields_that_lack_are_named():
     unknown = changed(
         load_vehicle("example-em"), actuator=unknown.model_copy(update={"resistance": None})
     )
-    with pytest.raises(NoAnswerError, match=r"actuator\.resistance is not given"):
+    with pytest.raises(NoAnswerError, match=r"give actuator\.resistance from"):
         be.drive_map(unknown, [0.0])
     assert np.isfinite(be.drive_map(unknown, [0.0], power=False).rate_out[0])
 

@@ -100,11 +100,11 @@ def _known_motor(vehicle: Vehicle) -> UnifiedActuator | None:
     return None if found.resistance is None or found.emf_constant is None else found
 
 
-def check_power_known(vehicle: Vehicle) -> None:
+def check_power_known(vehicle: Vehicle, instead: str = "") -> None:
     """Raise NoAnswerError, naming the fields, where the actuator's electrical power is not known.
 
     A motor needs its resistance R and k_T (k_emf), a pump and valve has a power law or a motor, a
-    positioner needs its power while moving.
+    positioner needs its power while moving. instead: what else can be asked for.
     """
     a = vehicle.engine
     missing = ""
@@ -113,14 +113,11 @@ def check_power_known(vehicle: Vehicle) -> None:
     elif isinstance(a, IdentifiedActuator):
         missing = _say("identified")
     elif isinstance(a, UnifiedActuator):
-        fields = {"resistance": a.resistance, "emf_constant": a.emf_constant}
-        absent = [f"actuator.{name}" for name, value in fields.items() if value is None]
+        absent = [f"actuator.{n}" for n in ("resistance", "emf_constant") if getattr(a, n) is None]
         if absent:
-            missing = (
-                f"{' and '.join(absent)} {'are' if len(absent) > 1 else 'is'} not given. Take "
-                "them from the motor's datasheet"
-            )
+            missing = f"give {' and '.join(absent)} from the motor's datasheet"
     if missing:
+        missing += instead and f"; or {instead}"
         raise NoAnswerError(f"the electrical power is not known: {missing}")
 
 
@@ -132,22 +129,11 @@ class Winding(NamedTuple):
 
 
 def winding(vehicle: Vehicle) -> Winding | None:
-    """Return the winding of a vehicle's motor, None where R or k_T are not known."""
+    """Return the winding of a vehicle's motor; None without one, or without R and k_T."""
     if vehicle.command == "volume":
         return None
     a = reduced(vehicle.engine, vehicle.water)
     return None if a.resistance is None or a.kappa is None else Winding(a.resistance, a.kappa)
-
-
-def known_winding(vehicle: Vehicle, *, instead: str) -> Winding:
-    """Return the winding of a vehicle's motor; instead: what else can be asked for.
-
-    Raises NoAnswerError where R or k_T are not known apart from the gains they are part of.
-    """
-    found = winding(vehicle)
-    if found is None:
-        raise NoAnswerError(_say("not known", vehicle=vehicle, instead=instead))
-    return found
 
 
 def oil_note(vehicle: Vehicle) -> str | None:

@@ -502,7 +502,7 @@ LIGHT = FEUP.model_copy(
         (FEUP, {"depth_range": (0.0, 150.0)}, NoAnswerError, "rated for 100 m"),
         (FEUP, {"law": "pid"}, InputError, "not tuned"),
         (FEUP, {"goal": "soon"}, InputError, "no such goal"),
-        (FEUP, {"goal": "energy"}, NoAnswerError, "resistance R and no torque constant k_T"),
+        (FEUP, {"goal": "energy"}, NoAnswerError, "k_T are not given.*; or tune for quiet"),
         (FEUP, {"goal": "fast", "law": "deadband"}, InputError, "not tuned for this"),
         (FEUP, {"hold": 0.01}, InputError, "for quiet and energy"),
         (FEUP, {"goal": "quiet", "hold": -0.01}, InputError, "above 0"),

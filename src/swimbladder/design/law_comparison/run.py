@@ -42,7 +42,7 @@ from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import Store, each
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.buoyancy_engine import check_power_known, winding
+from swimbladder.physics.buoyancy_engine import check_power_known
 from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast import check_cast_unit
@@ -56,12 +56,11 @@ _SHOWN = 900.0  # s of the first run of a hold that are kept to be drawn; of a s
 
 def no_energy(vehicle: Vehicle) -> str | None:
     """Return why the electrical energy is not known; None where it is."""
-    if vehicle.command == "voltage":
-        return None if winding(vehicle) is not None else "R and k_T of the motor are not known"
     try:
         check_power_known(vehicle)
     except NoAnswerError as error:
-        return str(error)
+        motor = vehicle.command == "voltage"
+        return "R and k_T of the motor are not known" if motor else str(error)
     return None
 
 

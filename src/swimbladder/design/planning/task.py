@@ -45,7 +45,8 @@ from swimbladder.design.linear.depths import stall
 from swimbladder.design.linear.models import exponential_of, linearise, operating_point
 from swimbladder.errors import InputError, NoAnswerError, check_number
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.buoyancy_engine import Winding, at_voltage, known_winding
+from swimbladder.physics.buoyancy_engine import Winding, at_voltage, check_power_known
+from swimbladder.physics.buoyancy_engine import winding as winding_of
 from swimbladder.physics.dynamics import Plant, drag_law, plant
 from swimbladder.vehicle import Vehicle
 
@@ -573,7 +574,13 @@ class Form(NamedTuple):
 
 def winding(task: Task) -> Winding:
     """Return the winding of the motor; raises NoAnswerError where it is not known."""
-    return known_winding(task.vehicle, instead="plan for `goal='effort'`, the least volume moved")
+    instead = "plan for `goal='effort'`, the least volume moved"
+    if task.plant.positioner:
+        raise NoAnswerError(f"a positioner has no winding whose energy could be least: {instead}")
+    check_power_known(task.vehicle, instead)
+    found = winding_of(task.vehicle)
+    assert found is not None
+    return found
 
 
 def electrical(task: Task, answer: Solved) -> float:

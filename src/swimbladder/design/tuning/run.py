@@ -26,7 +26,7 @@ from swimbladder.errors import InputError, NoAnswerError, SwimbladderError, chec
 from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
 from swimbladder.physics.arrays import Array
-from swimbladder.physics.buoyancy_engine import at_voltage, check_power_known, known_winding
+from swimbladder.physics.buoyancy_engine import at_voltage, check_power_known
 from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast import check_cast_unit
@@ -505,10 +505,8 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         what = "an error that is allowed is above 0, and for quiet and energy"
         remedy = 'Give something like "1 cm" with `goal="quiet"`'
         raise InputError(what, field="hold", value=hold, unit="m", remedy=remedy)
-    if goal == "energy" and vehicle.command == "voltage":
-        known_winding(vehicle, instead="tune for quiet, which moves least")
-    elif goal == "energy" and not pumped:
-        check_power_known(vehicle)
+    if goal == "energy" and not pumped:
+        check_power_known(vehicle, "tune for quiet, which moves least")
 
 
 def _check_way(depths: tuple[float, float], ends: tuple[float, float], held: float) -> None:
