@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 
 import numpy as np
 import pytest
@@ -216,7 +217,15 @@ def test_a_pump_is_found_in_logged_runs(capsys, tmp_path):
     assert main(["energy", str(out / "vehicle.toml"), "--out", str(tmp_path / "again")]) == 0
     capsys.readouterr()
     assert main(["energy", "--fit", runs, *COLUMNS, "--out", str(tmp_path / "alone")]) == 0
-    assert "power_per_pressure" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    for name, unit in (
+        ("idle_power", "W"),
+        ("power_per_pressure", "mW/dbar"),
+        ("slip", "mL/s/MPa"),
+    ):
+        row = rf"{name} +(\S+) +(\S+) +(\S+) to (\S+) {unit}\n"
+        decimals = [text.partition(".")[2] for text in re.search(row, printed).groups()]
+        assert len({*map(len, decimals)}) == 1
     assert not (tmp_path / "alone" / "vehicle.toml").exists()
 
 

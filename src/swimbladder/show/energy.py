@@ -17,7 +17,9 @@ from swimbladder.design.energy import (
 )
 from swimbladder.design.energy.fit import run_columns
 from swimbladder.design.energy.run import dive_columns, fit_sentences, spread_indices
+from swimbladder.estimation.estimates import Estimate
 from swimbladder.io.vehicle_file import vehicle_file
+from swimbladder.show.estimates import row
 from swimbladder.show.parts import Drawn, Gone, Part, Shown, Table, labelled
 from swimbladder.show.picture import Ink, Panel, Picture, grid_of
 from swimbladder.units import rounded
@@ -125,18 +127,19 @@ def draw_fit(fit: PumpFit) -> Picture:
     warmer = np.zeros(p.size) if r.temperature is None else r.temperature[kept] - 15.0
     cooled = np.nan_to_num(fit.value("power_per_temperature") * warmer)
     settled = r.power[kept] / fit.voltage_share[kept] + fit.value("lost_energy") / t - cooled
-    at = "runs, start added"
+    at = "runs, start corrected"
     at += "\nat 15 °C" if "power_per_temperature" in fit.parameters else ""
     at += f"\nat {fit.reference_voltage:.3g} V" if fit.reference_voltage is not None else ""
-    panels[0].dots(p / 1e4, settled, ".", Ink.SKY, at, size=3.0)
+    how: Any = {"size": 4.0, "hollow": True}
     power = fit.value("idle_power") + fit.value("power_per_pressure") * line
-    panels[0].line(line / 1e4, power, label="found")
+    panels[0].line(line / 1e4, power, label="fitted")
+    panels[0].dots(p / 1e4, settled, "o", Ink.BLACK, at, **how)
     panels[0].y = "electrical power [W]"
     if delivery and r.volume is not None:
         rate = (r.volume[kept] + fit.value("start_volume")) / t * 1e6
-        panels[1].dots(p / 1e4, rate, ".", Ink.SKY, "runs, start added", size=3.0)
         steady = fit.value("delivery") - fit.value("slip") * line
-        panels[1].line(line / 1e4, steady * 1e6, label="found")
+        panels[1].line(line / 1e4, steady * 1e6, label="fitted")
+        panels[1].dots(p / 1e4, rate, "o", Ink.BLACK, "runs, start corrected", **how)
         panels[1].y = "delivery [mL/s]"
     for panel in panels[:-1]:
         panel.x, panel.ylim, panel.legend = "pressure [dbar]", (0.0, None), "best"
@@ -152,9 +155,9 @@ def draw_fit(fit: PumpFit) -> Picture:
         last.legend = "upper left"
     else:
         fitted = fit.value("idle_power") + fit.value("power_per_pressure") * p
-        last.dots(p / 1e4, settled - fitted, ".", size=3.0)
+        last.dots(p / 1e4, settled - fitted, **how)
         last.rule("y", 0.0, Ink.BLACK)
-        last.x, last.y = "pressure [dbar]", "power less what was found [W]"
+        last.x, last.y = "pressure [dbar]", "residual of the power [W]"
     return picture
 
 
@@ -235,8 +238,9 @@ class PumpFitShown(Shown[PumpFit]):
         rows = []
         for name, e in self.found.parameters.items():
             unit, factor = _UNITS.get(e.unit, (e.unit, 1.0))
-            rows.append((name, *(f"{x * factor:.4g}" for x in (e.value, *e.ci95)), unit))
-        headings = ["parameter", "value", "95 % from", "to", "unit"]
+            value, std, *ends = (x * factor for x in (e.value, e.std, *e.ci95))
+            rows.append(row(name, Estimate(value, std, (ends[0], ends[1]), unit))[:5])
+        headings = ["parameter", "value", "1 sigma", "95 % interval", "unit"]
         yield Table(headings, rows, left=("parameter", "unit"))
         bands = []
         for b in efficiency_bands(self.found):
