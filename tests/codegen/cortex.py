@@ -1,16 +1,20 @@
 """A library on an emulated Cortex-M: compiled by arm-none-eabi-gcc, run by QEMU.
 
-QEMU gives what the processor computes, not how long that takes.
+QEMU gives what the processor computes, not how long that takes. ``python -m tests.codegen.cortex``
+prints what law and supervisor take there.
 """
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from swimbladder.codegen.library import Library, write_library
+from swimbladder.codegen.library import Library, firmware, write_library
 from swimbladder.control.supervisor import Watched
+from swimbladder.io.config import load_vehicle
 from tests.codegen.build import run
+from tests.vehicles import limited
 
 HERE = Path(__file__).parent / "arm"
 # An M0+ has no machine of its own in QEMU: its instructions are among those of the M3.
@@ -120,3 +124,11 @@ def size(made: Library, folder: Path, core: str, *, law: bool) -> tuple[int, int
         int, run("arm-none-eabi-size", elf, text=True).stdout.splitlines()[1].split()[:3]
     )
     return text + data, data + bss
+
+
+if __name__ == "__main__":
+    made = firmware(limited(load_vehicle("example-float")))
+    for core in CORES:
+        with tempfile.TemporaryDirectory() as folder:
+            flash, ram = size(made, Path(folder), core, law=False)
+        print(f"rate + supervisor, {core}: flash {flash} B, RAM {ram} B")

@@ -230,7 +230,7 @@ class Motion:
 
     def __init__(self, p: SupervisorParameters) -> None:
         self.p = p
-        self.z1 = self.z2 = self.n1 = self.n2 = 0.0
+        self.z1 = self.z2 = self.n1 = self.n2 = self.blunt = 0.0
         self.settled, self.known = 0, 0
         self.own = self.recent = self.own_depth = 0.0
         self.weight = 0.5
@@ -246,10 +246,14 @@ class Motion:
         return p.drag_linear * speed
 
     def force(self, depth: float) -> float:
-        """(dw/dt + F_d(w)/m) / a_b, with w = (z1 - z2)/tau and dw/dt = (z - 2 z1 + z2)/tau^2."""
+        """(dw/dt + F_d(w)/m) / a_b, with w = (z1 - z2)/tau and dw/dt = (z - 2 z1 + z2)/tau^2.
+
+        Of the drag only what is in proportion to speed is taken of this w.
+        """
         p = self.p.motion
         second_difference = depth - 2.0 * self.z1 + self.z2
-        return p.inertia * second_difference + self.drag((self.z1 - self.z2) * p.per_tau)
+        proportional = p.drag_linear * (self.z1 - self.z2) * p.per_tau
+        return p.inertia * second_difference + proportional + self.blunt
 
     def is_known(self) -> bool:
         return self.known >= self.p.motion.known
@@ -257,7 +261,7 @@ class Motion:
     def begin(self, depth: float, n: float) -> None:
         self.z1 = self.z2 = depth
         self.n1 = self.n2 = n
-        self.settled = 0
+        self.blunt, self.settled = 0.0, 0
 
     def sample(self, depth: float, n: float, *, room: float, stands: bool, anew: bool) -> None:
         """n: volume less that which is neutral by the file; room: by which that may be off."""
@@ -271,6 +275,9 @@ class Motion:
             self.z2 = low_pass(self.z2, self.z1, p.smoothing)
             self.n1 = low_pass(self.n1, n, p.smoothing)
             self.n2 = low_pass(self.n2, self.n1, p.smoothing)
+            quick = (depth - self.z1) * p.per_tau  # after one low pass; the drag gets the second
+            beyond = self.drag(quick) - p.drag_linear * quick
+            self.blunt = low_pass(self.blunt, beyond, p.smoothing)
             self.settled += 1
         middle, allowed = 0.0, room
         if self.is_known():
@@ -303,8 +310,8 @@ class Sameness:
     """Whether a depth is the very same for longer than a sensor that lives would make it."""
 
     def __init__(self, p: SupervisorParameters) -> None:
-        self.p = p.same
-        self.same, self.same_volume = 0, 0.0
+        self.p, self.smoothing = p.same, p.motion.smoothing
+        self.same, self.same_volume, self.moved = 0, 0.0, 0.0
         self.way = 0  # of the last sample: 1 down, -1 up, 0 the same
         self.noisy = 0.0
         self.frozen = False
@@ -319,8 +326,9 @@ class Sameness:
                 self.noisy = low_pass(self.noisy, float(turned), p.noisy_weight)
             self.way = way
         if self.same <= p.same_begun:
-            self.same_volume = n1
-        moved = abs(n1 - self.same_volume) > p.moved and not resting
+            self.same_volume, self.moved = n1, 0.0
+        self.moved = low_pass(self.moved, n1 - self.same_volume, self.smoothing)
+        moved = abs(self.moved) > p.moved and not resting
         noise = self.noisy >= p.noisy
         limits = [(True, p.same), (noise, p.same_noisy), (moved, p.same_moved)]
         if any(holds and limit != OFF and self.same >= limit for holds, limit in limits):
@@ -877,9 +885,9 @@ class SecondSupervisor:
         """Return what both remember alike, under the same name, and where."""
         parts = {
             "lag asked top": self.drive,
-            "same noisy same_volume frozen": self.sameness,
+            "same noisy same_volume moved frozen": self.sameness,
             "shown shown_for allowed": self.proof,
-            "z1 z2 n1 n2 settled own recent own_depth weight known": self.motion,
+            "z1 z2 n1 n2 blunt settled own recent own_depth weight known": self.motion,
             "anchor": self.still,
             "target farthest waited drifted": self.progress,
             "phase window from_depth release": self.action,

@@ -271,6 +271,7 @@ PLAIN_STATE: dict[str, list[Any]] = {
     "sank": [False],
     "noisy": [0.0, EIGHTH, QUARTER, HALF],
     "same_volume": VOLUMES,
+    "moved": [0.0, *SMALL],
     "frozen": [False] * 5 + [True],
     "unproven": [*FEW, NEVER - 1, NEVER],
     "shown": VOLUMES,
@@ -280,6 +281,7 @@ PLAIN_STATE: dict[str, list[Any]] = {
     "z2": DEPTHS,
     "n1": VOLUMES,
     "n2": VOLUMES,
+    "blunt": [0.0, 0.0, *SMALL],
     "settled": FEW,
     "wrong": FEW,
     "own": SMALL,
@@ -324,7 +326,11 @@ def plain_state(rng: random.Random, p: SupervisorParameters) -> dict[str, Any]:
         force += rest * p.motion.smoothing * p.motion.per_tau * p.motion.drag_linear
         light = p.proof.sinks / force  # it rises as one that is light by just what counts
         slow = p.rest.still_distance / rest
-        by = rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0, slow, -slow, light, light, light])
+        # a limit is met by both of numbers without rounding only
+        exact = [
+            jump for jump in (slow, -slow, light, light, light) if (jump * 1024.0).is_integer()
+        ]
+        by = rng.choice([-2.0, -1.0, 0.0, 1.0, 2.0, *exact])
         found["z1"] = found["z2"] = depth + by
     found["sank"] = not found["rose"] and rng.random() < 0.7
     return found

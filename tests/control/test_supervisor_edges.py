@@ -10,7 +10,6 @@ from swimbladder.control.supervisor import (
     GREW,
     SUPERVISOR,
     PushWatch,
-    SameWatch,
     Watched,
     believable,
     bring_up,
@@ -68,10 +67,11 @@ def test_a_block_is_found_inward_of_where_pushes_ended_before():
 
 def test_the_share_of_turns_is_a_mean_of_200_ticks():
     """Of a depth that turns at every tick 1 - 0.995^n is seen after n: 0.42 of it after 109."""
-    watch = SameWatch(0, rose=False, sank=True, noisy=0.0, same_volume=0.0, frozen=False)
+    calm = Watched(2.0, 0.1, 1e-5, 12.0, False, 0, 0)
+    watch = SUPERVISOR.initial(PAPER, calm, 0.0).same._replace(sank=True)
     before, depth, turns = 2.001, 2.0, 0
     while watch.noisy < PAPER.same.noisy:
-        watch = watch_sameness(PAPER.same, watch, depth, before, 0.0, old=False, resting=False)
+        watch = watch_sameness(PAPER, watch, depth, before, 0.0, old=False, resting=False)
         before, depth, turns = depth, before, turns + 1
     assert turns == math.ceil(math.log(1.0 - 0.42) / math.log(1.0 - 1.0 / 200.0)) == 109
 

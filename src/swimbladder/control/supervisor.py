@@ -273,6 +273,7 @@ class SameWatch(NamedTuple):
     sank: bool  # the same
     noisy: float  # -, share of ticks in which the depth turned; it stays where it is enough
     same_volume: float  # m3, n1 when the volume had to stay
+    moved: float  # m3, by which n1 is beyond it since then, through a low pass
     frozen: bool  # it was for too long
 
 
@@ -292,6 +293,7 @@ class MotionWatch(NamedTuple):
     z2: float  # m, through a second
     n1: float  # m3, volume beyond psi z and the neutral one through a low pass
     n2: float  # m3, through a second
+    blunt: float  # m3, what drag takes beyond its proportion to speed, through a low pass
     settled: Count  # ticks since they began
     wrong: Count  # ticks in which depth and volume did not fit
     own: float  # m3, by which the neutral volume is larger as the dive has shown it
@@ -408,12 +410,14 @@ def initial(parameters: SupervisorParameters, seen: Watched, restarted: float) -
         depth=DepthWatch(since=NEVER, depth=0.0, blind=0),
         volume=VolumeWatch(0.0, False, 0),
         rate=RateWatch(lag=0.0, asked=0.0, following=0, top=0.0, stops=0),
-        same=SameWatch(0, rose=False, sank=False, noisy=0.0, same_volume=0.0, frozen=False),
+        same=SameWatch(
+            0, rose=False, sank=False, noisy=0.0, same_volume=0.0, moved=0.0, frozen=False
+        ),
         proof=ProofWatch(
             unproven=0, shown=parameters.volume.volume_least, shown_for=0.0, allowed=_ANY
         ),
         motion=MotionWatch(
-            0.0, 0.0, 0.0, 0.0, 0, 0, own=0.0, recent=0.0, own_depth=0.0, weight=0.5, known=0
+            0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, own=0.0, recent=0.0, own_depth=0.0, weight=0.5, known=0
         ),
         rest=RestWatch(anchor=0.0, still=0),
         progress=ProgressWatch(target=0.0, farthest=0.0, waited=0, light=0, drifted=0.0),
@@ -438,18 +442,14 @@ def debounce(bad: bool, n: Count, most: Count) -> Count:
     """Return the count of bad ticks; a good one takes two away, `most` stays for good."""
     if n >= most:
         return n
-    if bad:
-        return more(n, 1)
-    return less(n, 2)
+    return more(n, 1) if bad else less(n, 2)
 
 
 def share(bad: Count, n: Count, most: Count) -> Count:
     """Return the count of quarters of bad ticks; none takes one away, `most` stays for good."""
     if n >= most:
         return n
-    if bad > 0:
-        return min(more(n, bad), most)
-    return less(n, 1)
+    return min(more(n, bad), most) if bad > 0 else less(n, 1)
 
 
 def smoothed(old: float, new: float, weight: float) -> float:
@@ -574,14 +574,6 @@ def watch_still(p: RestLimits, s: RestWatch, depth: float) -> RestWatch:
     return s._replace(anchor=depth, still=0)
 
 
-def smooth_motion(s: MotionWatch, depth: float, n: float, weight: float) -> MotionWatch:
-    """Put depth and volume through two low passes each; a weight of 1 begins them anew."""
-    s = s._replace(z1=smoothed(s.z1, depth, weight))
-    s = s._replace(z2=smoothed(s.z2, s.z1, weight))
-    s = s._replace(n1=smoothed(s.n1, n, weight))
-    return s._replace(n2=smoothed(s.n2, s.n1, weight))
-
-
 def drag_volume(p: MotionLimits, speed: float) -> float:
     """Return the volume beyond the neutral one [m3] that drag takes at a speed, eq. (13)."""
     if p.epsilon < math.inf and abs(speed) > p.epsilon:
@@ -593,7 +585,7 @@ def drag_volume(p: MotionLimits, speed: float) -> float:
 def needed(p: MotionLimits, s: MotionWatch, depth: float) -> float:
     """Return the volume beyond the neutral one [m3] that the motion takes, eq. (13)."""
     later = s.z1 - s.z2
-    return (depth - s.z1 - later) * p.inertia + drag_volume(p, later * p.per_tau)
+    return (depth - s.z1 - later) * p.inertia + p.drag_linear * later * p.per_tau + s.blunt
 
 
 def learn(p: MotionLimits, s: MotionWatch, depth: float, n: float, room: float) -> MotionWatch:
@@ -615,10 +607,20 @@ def watch_motion(
     stands: bool,
     anew: bool,
 ) -> MotionWatch:
-    """Ask which neutral volume the motion means, and whether the vehicle can have it."""
+    """Ask which neutral volume the motion means, and whether the vehicle can have it.
+
+    Depth, volume and drag pass two low passes each. Drag beyond its proportion to speed is taken of
+    the speed after one and put through the other: of a speed after both, a fast turn would have
+    less drag than the vehicle has.
+    """
     if not math.isfinite(s.own + s.recent):
         s = s._replace(own=0.0, recent=0.0, known=0)
-    s = smooth_motion(s, depth, n, 1.0 if anew else p.motion.smoothing)
+    weight = 1.0 if anew else p.motion.smoothing
+    s = s._replace(z1=smoothed(s.z1, depth, weight), n1=smoothed(s.n1, n, weight))
+    speed = (depth - s.z1) * p.motion.per_tau
+    blunt = drag_volume(p.motion, speed) - p.motion.drag_linear * speed
+    s = s._replace(z2=smoothed(s.z2, s.z1, weight), n2=smoothed(s.n2, s.n1, weight))
+    s = s._replace(blunt=smoothed(s.blunt, blunt, weight))
     s = s._replace(settled=0 if anew else more(s.settled, 1))
     own = room
     center = 0.0
@@ -640,29 +642,36 @@ def watch_motion(
 
 
 def watch_sameness(
-    p: SameLimits, s: SameWatch, depth: float, before: float, n1: float, old: bool, resting: bool
+    p: SupervisorParameters,
+    s: SameWatch,
+    depth: float,
+    before: float,
+    n1: float,
+    old: bool,
+    resting: bool,
 ) -> SameWatch:
     """Count the ticks of the very same depth; a sample that is not new, `old`, says nothing.
 
     Noise that turns the depth more often than on the edge between two quanta is seen for good; what
-    turns it where the vehicle rests may be how a hull bobs.
+    turns it where the vehicle rests may be how a hull bobs. What two low passes leave of a volume
+    is bounded by the way that the vehicle goes with it; what one leaves comes before the way.
     """
     same = s.same
     if not old:
         rose = depth < before
         sank = depth > before
         same = 0 if rose or sank else more(same, 1)
-        if s.noisy < p.noisy and not resting:
+        if s.noisy < p.same.noisy and not resting:
             fro = 1.0 if (rose and s.sank) or (sank and s.rose) else 0.0
-            s = s._replace(noisy=smoothed(s.noisy, fro, p.noisy_weight))
+            s = s._replace(noisy=smoothed(s.noisy, fro, p.same.noisy_weight))
         s = s._replace(rose=rose, sank=sank)
-    same_volume = s.same_volume
-    if same <= p.same_begun:
-        same_volume = n1
-    frozen = s.frozen or (p.same < NEVER and same >= p.same)
-    frozen = frozen or (same >= p.same_noisy and s.noisy >= p.noisy)
-    away = same >= p.same_moved and not resting and abs(n1 - same_volume) > p.moved
-    return s._replace(same=same, same_volume=same_volume, frozen=frozen or away)
+    if same <= p.same.same_begun:
+        s = s._replace(same_volume=n1, moved=0.0)
+    moved = smoothed(s.moved, n1 - s.same_volume, p.motion.smoothing)
+    frozen = s.frozen or (p.same.same < NEVER and same >= p.same.same)
+    frozen = frozen or (same >= p.same.same_noisy and s.noisy >= p.same.noisy)
+    away = same >= p.same.same_moved and not resting and abs(moved) > p.same.moved
+    return s._replace(same=same, moved=moved, frozen=frozen or away)
 
 
 def way_to_stop(p: SupervisorParameters, speed: float, lacks: float, room: float) -> float:
@@ -1015,7 +1024,7 @@ def step(
         s = s._replace(motion=watch_motion(p, s.motion, depth, n, room, stands, anew))
         before, n1 = s.depth.depth, s.motion.n1
         old = seen.depth_age >= p.S_p
-        s = s._replace(same=watch_sameness(p.same, s.same, depth, before, n1, old, resting))
+        s = s._replace(same=watch_sameness(p, s.same, depth, before, n1, old, resting))
         s = s._replace(deep=watch_deep(p, s, depth, n, volume))
         if p.progress.light < NEVER:
             s = s._replace(progress=watch_progress(p, s, seen))

@@ -53,6 +53,10 @@ _RARE = 1e-12  # chance that noise gives the same depth all along
 _AT_LEAST_S = 10.0  # s, of the very same depth: a slow sensor repeats itself
 _HIDDEN_S = 600.0  # s; noise that takes longer to show does not count
 _MOVED_SHARE = 0.025  # of half the stroke, with which a depth cannot stay the same
+# A way d has n = (d'' + gamma d')/a_b; through two low passes of tau that is at most (2.27 + 0.74
+# gamma tau)/(a_b tau^2) times the largest d, the integrals of their responses. d is a quantum, two
+# of which are in what is hidden, and the model is off by 30 %.
+_HIDDEN = 1.5
 _REACH, _AHEAD = 2.0, 2.0  # of that, by which a push shows that it can, and more for the way down
 _READY, _LEAST_READY = 1.5, 0.5  # m, of a step that a law's holding makes ready for; the least
 _LEFT_ALONE = 5e-3  # m, by which that may move the vehicle
@@ -203,7 +207,7 @@ def supervisor_parameters(
             same=same,
             same_begun=ticks(2.0 * tau, tick),
             same_moved=ticks(3.0 * tau, tick),
-            moved=moved,
+            moved=max(moved, moving * _HIDDEN * (1.0 / (p.a_b * tau) + p.d_l / p.a_b) / tau),
             same_noisy=max(ticks(_AT_LEAST_S, tick), _SAME_NOISY),
             noisy=_NOISY,
             noisy_weight=_NOISY_WEIGHT,
@@ -287,8 +291,7 @@ def arming_parameters(vehicle: Vehicle, p: SupervisorParameters) -> ArmingParame
     usual = min(p.rest.surface + _SUBMERGED, 0.5 * (given.bottom_depth or math.inf))
     submerged = _either(given.arm_depth, usual)
     under = max(_LEAST_UNDER, ticks(given.arm_after, tick))
-    armed = submerged + under * p.depth.fastest
-    if armed > deepest:
+    if (armed := submerged + under * p.depth.fastest) > deepest:
         what = f"a vehicle that sinks may be armed at {armed:.3g} m only, below its {deepest:.4g} m"
         remedy = "Give a smaller arm_depth or arm_after"
         raise _refused(what, "arm_depth", submerged, "m", remedy)
@@ -392,10 +395,8 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters, laws: Laws) -> Supervis
     tick, deep = p.S_p, p.deep
     start = float(drive_map(vehicle, 0.0, power=False).start_volume[0])
     fast = _HASTE * cruising_speed(vehicle)
-    drag = dynamics.drag_force(vehicle.drag, fast)
-    lacks = drag / vehicle.water.specific_weight + start
-    light = vehicle.drag.rising_ratio
-    fastest = p.depth.fastest / math.sqrt(min(light, 1.0))
+    lacks = dynamics.drag_force(vehicle.drag, fast) / vehicle.water.specific_weight + start
+    fastest = p.depth.fastest / math.sqrt(min(vehicle.drag.rising_ratio, 1.0))
     again = ticks(_LEAST_PUSH_S + start * deep.per_turn_rate, tick)
     push = _off(p.push, "grown away away_fast astray", zero="hold_command away_command away_hold")
     rest = ticks(_AFLOAT_REST_S, tick)
@@ -406,9 +407,7 @@ def _for_pump(vehicle: Vehicle, p: SupervisorParameters, laws: Laws) -> Supervis
         rate=_off(p.rate, "rate_least stop_rate following", zero="rate"),
         same=_off(p.same, "same_moved moved"),
         proof=_off(p.proof, " ".join(p.proof._fields)),
-        neutral=supervisor.NeutralLimits(
-            psi=0.0, psi_range=0.0, neutral=0.0, neutral_range=math.inf
-        ),
+        neutral=supervisor.NeutralLimits(0.0, 0.0, 0.0, neutral_range=math.inf),
         motion=_off(p.motion, "neutral_change known wrong", zero="calm model_error inertia"),
         progress=_progress(vehicle, p, laws),
         deep=deep._replace(heavier=lacks, largest=math.inf),
@@ -474,8 +473,7 @@ def ticks(seconds: float, tick: float) -> int:
 
     Raises InputError where 16 bits do not count them.
     """
-    whole = max(1, math.ceil(seconds / tick - 1e-6))
-    if whole > _COUNTED:
+    if (whole := max(1, math.ceil(seconds / tick - 1e-6))) > _COUNTED:
         counted = f"{seconds:g} s are {whole:.3g} ticks of {tick:g} s"
         what = f"{counted}, and the supervisor counts to {_COUNTED}"
         raise InputError(what, field="supervisor", remedy=_SHORTER.format("time"))
@@ -565,10 +563,11 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
 def check_time_limit(vehicle: Vehicle, remedy: str = "") -> None:
     """Raise InputError where the supervisor has no time limit: a slow drift has no other remedy."""
     if vehicle.supervisor.time_limit is None:
-        drifts = "a vehicle whose depth drifts slowly"
-        what = f"no time limit is stated, and nothing else brings up {drifts}"
-        say = 'Give the longest that a mission takes from arming on, like `time_limit="2 h"`'
-        say = f"{say}, or as time_limit in [supervisor]{remedy}"
+        what = "no time limit is stated, and nothing else helps against a depth that drifts slowly"
+        say = (
+            'Give the longest that a mission takes from arming on, like `time_limit="2 h"`, or as '
+        )
+        say += f"time_limit in [supervisor]{remedy}"
         raise InputError(what, field="supervisor.time_limit", remedy=say)
 
 
@@ -580,10 +579,8 @@ def summary(p: SupervisorParameters) -> str:
     if p.same.same == NEVER:
         frozen = "by the model only (no depth noise is stated, or a quantum hides it)"
     time = time_limit(p) or "none"
-    return (
-        f"supervisor: depth limit {depth}, time limit {time}, battery {battery}, "
-        f"frozen depth {frozen}"
-    )
+    limits = f"depth limit {depth}, time limit {time}, battery {battery}"
+    return f"supervisor: {limits}, frozen depth {frozen}"
 
 
 def time_limit(p: SupervisorParameters) -> str:
