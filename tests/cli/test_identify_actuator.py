@@ -175,21 +175,21 @@ def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
     assert [fit["log"].endswith(f"(run={k})") for k, fit in enumerate(a["logs"], 1)] == [True] * 2
     low, high = a["parameters"]["T1"]["ci95"]
     assert low < 0.05 < high
-    assert (
-        "Each log by itself"
-        in run(
-            capsys,
-            path,
-            "--where",
-            "run=1,2",
-            "--column",
-            "time_s=t@s",
-            "--column",
-            "piston_m=position@in",
-            "--out",
-            tmp_path / "out",
-        ).out
-    )
+    said = run(
+        capsys,
+        path,
+        "--where",
+        "run=1,2",
+        "--column",
+        "time_s=t@s",
+        "--column",
+        "piston_m=position@in",
+        "--full",
+        "--out",
+        tmp_path / "out",
+    ).out
+    for k in (1, 2):
+        assert f"moves.csv (run={k}) by itself" in said.splitlines()
 
 
 @pytest.mark.parametrize(

@@ -15,23 +15,15 @@ from tests.estimation.motion.test_deep import RUNS, TRUTH, begin_of
 from tests.quoted import numbers
 
 
-@pytest.fixture
-def files(tmp_path):
-    """A vehicle, a cast and a dive as a table."""
-    vehicle, column = made_up_vehicle(tmp_path), made_up_column()
-    lines = ["pressure_dbar,temperature_degC,salinity"]
-    for p in range(0, 2001, 5):
-        warm = 6.0 + 16.0 / (1.0 + np.exp((p - 120.0) / 40.0))
-        lines.append(f"{p},{warm:.4f},{35.0 + p / 3000.0:.4f}")
-    cast = tmp_path / "cast.csv"
-    cast.write_text("\n".join(lines) + "\n")
+def write_dive(path, vehicle, column, seed):
+    """Write a dive of the vehicle with noise of its own as a table."""
     body = body_of(vehicle)
     log, _ = dived(
         vehicle,
         body,
         column,
         TRUTH,
-        np.random.default_rng(5),
+        np.random.default_rng(seed),
         runs=RUNS,
         hours=12.0,
         start=begin_of(body, TRUTH, column, 0.05),
@@ -44,8 +36,27 @@ def files(tmp_path):
         if a.time < log.time[-1]
     ]
     lines += [f"{t:g},{rest}" for t, rest in sorted(told)]
-    dive = tmp_path / "dive.csv"
-    dive.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def another(tmp_path, files):
+    """Another dive of the same vehicle and runs through the same water."""
+    return write_dive(tmp_path / "other.csv", load_vehicle(files[0]), made_up_column(), 6)
+
+
+@pytest.fixture
+def files(tmp_path):
+    """A vehicle, a cast and a dive as a table."""
+    vehicle, column = made_up_vehicle(tmp_path), made_up_column()
+    lines = ["pressure_dbar,temperature_degC,salinity"]
+    for p in range(0, 2001, 5):
+        warm = 6.0 + 16.0 / (1.0 + np.exp((p - 120.0) / 40.0))
+        lines.append(f"{p},{warm:.4f},{35.0 + p / 3000.0:.4f}")
+    cast = tmp_path / "cast.csv"
+    cast.write_text("\n".join(lines) + "\n")
+    dive = write_dive(tmp_path / "dive.csv", vehicle, column, 5)
     return tmp_path / "float.toml", cast, dive
 
 
@@ -149,7 +160,7 @@ def test_a_cast_is_needed(capsys, files):
 
 
 @pytest.mark.prove
-def test_casts_of_one_file(capsys, tmp_path, files):
+def test_casts_of_one_file(capsys, tmp_path, files, another):
     """Two profiles in a file: both are too much, each can be chosen, and one for each log."""
     vehicle, cast, dive = files
     lines = cast.read_text().splitlines()
@@ -160,29 +171,27 @@ def test_casts_of_one_file(capsys, tmp_path, files):
     out = ["--out", str(tmp_path / "out")]
     assert main([*start, *out]) == 2
     said = " ".join(capsys.readouterr().err.split())
-    assert "Choose one with --cast-profile N, or rows with --cast-where COLUMN=VALUE" in said
+    assert "Choose one with --cast-profile 1, or rows with --cast-where" in said
     assert main([*start, "--cast-where", "dive=2", *out]) == 0
     capsys.readouterr()
     assert main([*start, "--cast-where", "dive=1,2", *out]) == 2
     assert "2 casts for 1 dives" in capsys.readouterr().err
-    assert main([*start, str(dive), "--cast-where", "dive=1,2", *out]) == 0
+    assert main([*start, str(another), "--cast-where", "dive=1,2", *out]) == 0
 
 
 @pytest.mark.prove
-def test_logs_of_two_floats(capsys, tmp_path, files):
-    """Of the same dive, once with valve runs as logged and once with twice their seconds."""
-    _, _, dive = files
-    other = tmp_path / "other.csv"
+def test_logs_of_two_floats(capsys, tmp_path, files, another):
+    """Of two dives alike, one with valve runs as they were and one with twice their seconds."""
     lines = []
-    for line in dive.read_text().splitlines():
+    for line in another.read_text().splitlines():
         cells = line.split(",")
         if cells[-1].replace(".", "").isdigit():
             cells[-1] = str(2.0 * float(cells[-1]))
         lines.append(",".join(cells))
-    other.write_text("\n".join(lines) + "\n")
+    another.write_text("\n".join(lines) + "\n")
     out = tmp_path / "out"
     held = ("--fixed", "drag=165 N s2/m2", "--fixed", "stiffening=3e-18 1/Pa2")
-    assert run(files, out, str(other), *held) == 1
+    assert run(files, out, str(another), *held) == 1
     said = " ".join(capsys.readouterr().out.split())
     assert "other.csv" in said or "dive.csv" in said
     assert not (out / "vehicle.toml").exists()
