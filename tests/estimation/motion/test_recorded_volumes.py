@@ -105,6 +105,12 @@ def test_a_coarse_volume_widens_the_intervals():
     assert known.parameters["K2"].std < 0.5 * found.parameters["K2"].std
 
 
+def test_a_coarse_volume_is_not_taken_as_exact_where_the_model_follows_it_by_chance():
+    apart, found = off(dive(5, step=1e-6))
+    assert np.abs(apart).max() < 3.0  # K2 was 8.8 deviations off
+    assert any("in steps of 1 cm3" in f.sentence for f in found.findings)
+
+
 def test_a_volume_that_went_through_a_long_filter_is_refused():
     apart, found = off(dive(1, lag=1.0))
     assert apart is None  # T2 was 5 deviations off

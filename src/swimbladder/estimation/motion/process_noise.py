@@ -606,9 +606,8 @@ class Highest(NamedTuple):
         """Whether what volumes may be off by clearly widens an interval, or moves a value."""
         n, kept = len(self.problem.names), np.ones(len(self.x), bool)
         exact, x = copy(self.full), self.x.copy()
-        exact.samples = tuple(
-            s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples
-        )
+        samples = [s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples]
+        exact.driven, exact.samples = {}, tuple(samples)  # those kept have the errors in them
         for i, q in enumerate(self.full.quantities):
             if q == EARLY:
                 kept[i], x[i] = False, 0.0
