@@ -98,7 +98,7 @@ def fits(*, quick: bool, note: Callable[[str], None]) -> list[Timing]:
 def _ours(
     campaign: Campaign, note: Callable[[str], None], *, repetitions: int
 ) -> list[tuple[str, Identification, float]]:
-    given = logs(campaign.kept), vehicle(_PAPER, campaign.guess)
+    given = logs(campaign.kept), vehicle(_PAPER, campaign)
     options: dict[str, Any] = arguments(_PAPER, campaign)
     identify(*given, **options, profiles=False)  # compiled and loaded
     found = []

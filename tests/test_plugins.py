@@ -509,7 +509,7 @@ class TestAnActuator:
         mission, law = (None, "sea-cascade") if kind == "rack" else (DIVE, "rate")
         v = str(tmp_path / f"{made.actuator.kind}.toml")
         (tmp_path / v).write_text(vehicle_file(made), encoding="utf-8")
-        depth = ["--depth", "0:10 m"] if mission is None else ["--depth", "10:500 m"]
+        depth = ["--depth-range", "0:10 m" if mission is None else "10:500 m"]
         dive = [] if mission is None else [str(tmp_path / "dive.toml")]
         out = ["--out", str(tmp_path / f"fw-{law}")]
         compared = ["compare-laws", v, *depth, "--laws", law, "--runs", "2"]
