@@ -62,10 +62,11 @@ def _pareto(
     """Draw one pair of costs."""
     x, y = across.of(comparison), up.of(comparison)
     there = np.isfinite(x) & np.isfinite(y) & (x > 0.0) & (y > 0.0)
-    panel.x, panel.y, panel.xlog, panel.ylog = across.label, up.label, True, True
-    along = [*x[there], *([] if bound is None else [bound])]
+    along, above = [*x[there], *([] if bound is None else [bound])], y[there].tolist()
+    panel.x, panel.y = across.label, up.label
+    panel.xlog, panel.ylog = bool(along), bool(above)  # a scale without a value has no ticks
     panel.xlim = _limits(along) if along else (None, None)
-    panel.ylim = _limits(y[there].tolist()) if there.any() else (None, None)
+    panel.ylim = _limits(above) if above else (None, None)
     best = np.flatnonzero(there)[front(np.stack([x[there], y[there]], axis=1))]
     if len(best) > 0:
         best = best[np.argsort(x[best])]

@@ -103,7 +103,7 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
         noisy,
         laws=["planned"],
         tune_for=("fast",),
-        depths=(0.0, 5.0),
+        depth_range=(0.0, 5.0),
         parts=tmp_path,
         advance=told.append,
     )
@@ -123,7 +123,9 @@ def test_tuned_laws_are_flown_beside_the_papers(tmp_path):
     assert b.sentences[0].startswith("planned, fast settles soonest")
     # and again, from what was kept
     assert (
-        compared(noisy, laws=["planned"], tune_for=("fast",), depths=(0.0, 5.0), parts=tmp_path)
+        compared(
+            noisy, laws=["planned"], tune_for=("fast",), depth_range=(0.0, 5.0), parts=tmp_path
+        )
         .rows[1]
         .who
         == planned.who

@@ -20,6 +20,8 @@ from swimbladder.design.tuning.trial import ALONE, BOARD, Drawn
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.vehicle_file import vehicle_template
+from swimbladder.show.law_comparison import draw_pareto
+from swimbladder.show.static import save
 from swimbladder.sim.closed_loop import simulate_ensemble
 from swimbladder.vehicle import Supervisor
 from tests.quoted import refused
@@ -105,7 +107,7 @@ def test_a_float_whose_pump_has_a_supply_of_its_own_is_tuned(tmp_path):
     assert [row.who.name for row in found.rows] == ["rate, as in the file", "rate, fast"]
 
 
-def test_a_comparison_draws_floats_and_says_what_it_leaves_out():
+def test_a_comparison_draws_floats_and_says_what_it_leaves_out(tmp_path):
     found = compare_laws(FLOAT, laws=["cascade"], runs=2, depth_range=(50.0, 400.0), scenarios=SOME)
     assert [row.who.law.name for row in found.rows] == ["rate"]
     assert "volume change" in found.not_compared["cascade"]
@@ -115,3 +117,6 @@ def test_a_comparison_draws_floats_and_says_what_it_leaves_out():
     assert results["step-uncertain"].lost == 0.0
     assert not found.bounds
     assert set(found.no_bound) == {"step-small", "step-uncertain"}
+    # costs that no law has: a logarithmic axis without a value had no ticks to find
+    save(draw_pareto(found), tmp_path / "pareto.png")
+    assert (tmp_path / "pareto.png").stat().st_size > 0
