@@ -563,11 +563,10 @@ def _same_ticks(noise: float, quantum: float, tick: float) -> int:
 def check_time_limit(vehicle: Vehicle, remedy: str = "") -> None:
     """Raise InputError where the supervisor has no time limit: a slow drift has no other remedy."""
     if vehicle.supervisor.time_limit is None:
-        what = "no time limit is stated, and nothing else helps against a depth that drifts slowly"
-        say = (
-            'Give the longest that a mission takes from arming on, like `time_limit="2 h"`, or as '
-        )
-        say += f"time_limit in [supervisor]{remedy}"
+        drifts = "a vehicle whose depth drifts slowly"
+        what = f"no time limit is stated, and nothing else brings up {drifts}"
+        say = 'Give the longest that a mission takes from arming on, like `time_limit="2 h"`'
+        say = f"{say}, or as time_limit in [supervisor]{remedy}"
         raise InputError(what, field="supervisor.time_limit", remedy=say)
 
 
