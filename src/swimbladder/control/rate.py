@@ -281,7 +281,8 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
             least = min(dead, drive.longest)
             turn = f"{runs:.3g} s to turn {100.0 * speed:.3g} cm/s round"
             at = f"at {1e6 * drive.rate_out:.3g} cm3/s, and may run for {least:.3g} s"
-            why = why or f"the pump needs {turn}, {at}"
+            longer = "A longer actuator.longest_run or a" if drive.longest < dead else "A"
+            why = why or f"the pump needs {turn}, {at}. {longer} faster pump"
             continue
         # The speed of a whole band in a decision; a speed stands out of noise over `run`.
         slow = min(0.3 * speed, held / (dead + _RUN))
@@ -292,7 +293,8 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
         if step > 0.5 * band * slow or run > 10.0 * dead:
             why = (
                 f"with {1e3 * setting.noise:.3g} mm of noise a speed of {100.0 * slow:.2g} cm/s, "
-                f"which does not cross {2.0 * held:.3g} m between two decisions, is lost in it"
+                f"which does not cross {2.0 * held:.3g} m between two decisions, is lost in it. "
+                "A better depth sensor or a wider band (`hold=`)"
             )
             continue
         volume_step = max(part * (holds or c * slow * slow), quantum)
@@ -300,18 +302,18 @@ def candidates(setting: Setting, goal: str, held: float) -> list[RateSettings]:
         if 0.0 < holds < 2.0 * volume_step:
             why = (
                 f"the least change of the volume, {1e6 * volume_step:.3g} cm3, moves the place of "
-                f"rest by {volume_step / abs(p.psi):.3g} m, and the band is {2.0 * held:.3g} m"
+                f"rest by {volume_step / abs(p.psi):.3g} m, and the band is {2.0 * held:.3g} m. "
+                "Shorter least runs (actuator.quantum) or a wider band (`hold=`)"
             )
             continue
         if grows * (dead + run) > _GROWS:
             often = f"it decides every {dead + run:.3g} s"
             efold = f"errors grow e-fold in {1.0 / grows:.3g} s"
-            why = f"the hull gives way so that {efold}, and {often}"
+            why = f"the hull gives way so that {efold}, and {often}. A stiffer hull"
             continue
         found.append(RateSettings(speed, dead, run, held, slow, band, step, volume_step))
     if not found:
-        would = "A faster pump, a wider band (`hold=`), a better depth sensor or a stiffer hull"
-        raise NoAnswerError(f"no setting of the law 'rate' does it: {why}. {would} may help")
+        raise NoAnswerError(f"no setting of the law 'rate' does it: {why} may help")
     return found
 
 

@@ -291,10 +291,10 @@ SOFT = changed("hull", psi=2e-6)
         (FLOAT, {"depth_range": (100.0, 2500.0)}, "rated for 2000 m"),
         (changed("stroke", minimum=-60e-6), {"depth_range": (100.0, 1900.0)}, "outside its stroke"),
         (FLOAT, {"hold": 0.2}, "keeps it within 0.2 m"),
-        (changed("sensors", depth_noise=0.2), {"hold": 0.5}, "is lost in it"),
+        (changed("sensors", depth_noise=0.2), {"hold": 0.5}, "better depth sensor or a wider band"),
         (changed("hull", psi=-4e-6), {"depth_range": (2.0, 40.0), "hold": 0.4}, "no setting"),
-        (SOFT, {"depth_range": (2.0, 100.0), "supervised": False}, "hull gives way"),
-        (changed("actuator", longest_run=2.0), {}, "the pump needs"),
+        (SOFT, {"depth_range": (2.0, 100.0), "supervised": False}, "A stiffer hull may help"),
+        (changed("actuator", longest_run=2.0), {}, "A longer actuator.longest_run or a faster"),
     ],
 )
 def test_where_no_setting_does_it_the_answer_is_no_and_why(vehicle, options, words):
