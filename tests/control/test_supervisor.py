@@ -54,9 +54,12 @@ class Flown(NamedTuple):
     after: float  # s, from the fault to the reason
 
 
-def fly(name="cascade", *, fault=None, onset=300.0, sensors=NOISY, supervisor=None, **run) -> Flown:
+def fly(
+    name="cascade", *, vehicle=None, fault=None, onset=300.0, sensors=NOISY, supervisor=None, **run
+) -> Flown:
     """Fly a law under the supervisor; fault: (seconds since the onset, seen) -> seen."""
-    vehicle, parameters, tick = example(name)
+    usual, parameters, tick = example(name)
+    vehicle = vehicle or usual
     own = Supervisor(**(supervisor or {}))
     vehicle = vehicle.model_copy(update={"sensors": sensors, "supervisor": own})
     low, high = command_limits(vehicle)
@@ -1081,17 +1084,39 @@ class TestReach:
     @pytest.mark.parametrize(
         ("psi", "given", "ticks"),
         [
-            (-1.0, None, (NEVER, NEVER)),
-            (0.0, None, (NEVER, NEVER)),
-            (-1.0, "1 min", (200, 200)),
-            (4.04, "1 min", (200, 200)),
-            (4.04, None, (100, 100)),
+            (-0.4, {}, (NEVER, NEVER)),
+            (-0.4, {"depth_limit": "42 m"}, (100, 100)),
+            (-0.4, {"depth_limit": "45 m"}, (NEVER, NEVER)),
+            (-0.4, {"depth_limit": "45 m", "neutral_change": "20 cm3"}, (100, 100)),
+            (0.0, {}, (100, 100)),
+            (-1.0, {"prove_after": "1 min"}, (200, 200)),
+            (4.04, {"prove_after": "1 min"}, (200, 200)),
+            (4.04, {}, (100, 100)),
         ],
     )
     def test_a_hull_that_comes_to_rest_by_itself_is_left_alone(self, psi, given, ticks):
+        """Heavier by the 17.5 cm3 that are not seen it rests 17.5/0.4 = 43.75 m deeper."""
         hull = paper().hull.model_copy(update={"psi": psi * 1e-6})
-        p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(prove_after=given)), 0.3)
+        p = supervisor_parameters(paper(hull=hull, supervisor=Supervisor(**given)), 0.3)
         assert (p.proof.unproven, p.proof.same_tried) == ticks
+
+    @pytest.mark.promise("depth-frozen", faults=["depth stuck"])
+    @pytest.mark.parametrize("asked", [5.0005, 5.002])
+    @pytest.mark.parametrize("psi", [0.0, -1e-8])
+    def test_a_stiff_hull_with_a_stuck_depth_does_not_sink(self, psi, asked):
+        """Half a quantum too shallow it sank by 2.1 to 9.4 m before the model saw the volume."""
+        vehicle = load_vehicle("ntnu-bv").replace({"hull.psi": psi, "hull.depth_limit": "50 m"})
+        flown = fly(
+            "position-pid",
+            vehicle=vehicle,
+            fault=frozen("depth"),
+            sensors=Sensors(depth_noise="1 mm", depth_quantum="5 mm"),
+            setpoints=[(0.0, 3.0), (150.0, asked)],
+            duration=1800.0,
+        )
+        fault = flown.ran.time > 300.0
+        assert flown.ran.depth[fault].max() < asked + 0.1
+        assert flown.ran.depth[-1] < 0.1
 
     def test_a_depth_that_stands_counts_from_the_tick_on_that_makes_it_long_enough(self):
         """It is not neutral there: the neutral volume is not what is assumed."""

@@ -139,9 +139,9 @@ def supervisor_parameters(
     # out and back at its rate, a volume moves the vehicle by 2 a_b V^3/rate^2 or so
     leaves = (0.5 * _LEFT_ALONE * full_rate * full_rate / p.a_b) ** (1.0 / 3.0) - sinks - grown
     ready = min(_READY, max(leaves, 0.0) / (max(p.psi, 0.0) + per_jump * (reach - sinks)))
-    # with psi <= 0 a vehicle that sinks comes to rest by itself, and a push may be dear
-    # and in a pool it would end the very sinking that is measured
-    if given.prove_after is not None or (p.psi > 0.0 and not in_pool):
+    # a hull that loses so much less than the water comes to rest before it is too deep, heavier by
+    # what the model does not see; in a pool a push would end the very sinking that is measured
+    if given.prove_after is not None or (-p.psi * bounded < change and not in_pool):
         after = given.prove_after or _UNPROVEN_S
         proof = holding = ticks(after, tick)
         tried = max(proof, ticks(2.0 * math.sqrt(2.0 * moving / (p.a_b * grown)), tick))

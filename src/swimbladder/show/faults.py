@@ -156,10 +156,8 @@ class FaultResultShown(Shown[FaultResult]):
             parts.append(f"{len(alarms)} healthy missions raised an alarm: {shown}")
         again = f"{lost[0]}" if len(lost) else f"h{alarms[0]}"
         one = f"swimbladder faults {self.asked} --seed {found.seed} --repeat {again}"
-        then = (
-            "change the [supervisor] table (depth_limit, neutral_range, patience), or the mission"
-        )
-        return "\n".join([*parts, f"Look at one: {one}. Then {then}"])
+        table = "[supervisor] table (time_limit, depth_limit, neutral_range, patience)"
+        return "\n".join([*parts, f"Look at one: {one}. Then change the {table}, or the mission"])
 
 
 def _seconds(value: float) -> str:
