@@ -281,6 +281,14 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
         tune(FLOAT, depth_range=(100.0, 900.0), runs=20, cast=column)
 
 
+@pytest.mark.parametrize(("rated", "like"), [(2000.0, "100:1500"), (200.0, "10:150")])
+def test_depths_within_the_band_are_refused_with_depths_of_this_float(rated, like):
+    with pytest.raises(InputError) as told:
+        tune(changed("hull", depth_limit=rated))
+    assert told.value.field == "depth_range"
+    assert f"like {like}" in told.value.remedy
+
+
 SOFT = changed("hull", psi=2e-6)
 
 

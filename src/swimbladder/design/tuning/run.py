@@ -258,16 +258,15 @@ def search_gains(
     weak, around = _least_supply(noisy, supply), region(noisy)
     ends = depths if pumped and step is None else _step(depths, step)
     for name in names if pumped else ():
-        _check_way(depths, ends, _held(noisy, gains.tunable(name), goal, hold))
+        way = abs(ends[1] - ends[0])
+        _check_way(noisy, depths, way, _held(noisy, gains.tunable(name), goal, hold))
     judged = tuple(sorted({*depths, *ends}))
     if cast is not None and cast.cast is not None:
         check_cast_unit(cast.cast, judged[-1], noisy.hull.depth_limit)
     layers = medium_of(noisy, cast, reach=judged[-1]).layers
     _check_reach(noisy, judged, weak, around, layers)
-    if supervised:
-        limit = supervisor_parameters(noisy, h).deep.depth_limit
-        if judged[-1] > limit:
-            raise turned_round(judged[-1], limit, "depth_range" if depths[1] > limit else "step")
+    if supervised and judged[-1] > (limit := supervisor_parameters(noisy, h).deep.depth_limit):
+        raise turned_round(judged[-1], limit, "depth_range" if depths[1] > limit else "step")
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
@@ -509,11 +508,12 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         check_power_known(vehicle, "tune for quiet, which moves least")
 
 
-def _check_way(depths: tuple[float, float], ends: tuple[float, float], held: float) -> None:
+def _check_way(vehicle: Vehicle, depths: tuple[float, float], way: float, held: float) -> None:
     """Raise InputError where a float's way [m] is within the band that its law keeps [m]."""
-    if abs(ends[1] - ends[0]) <= 2.0 * held:
+    if way <= 2.0 * held:
         what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
-        remedy = "Give depths farther apart, like 100:1500, or a narrower band (`hold=`)"
+        far = 0.75 * (vehicle.hull.depth_limit or 2000.0)
+        remedy = f"Give depths farther apart, like {far / 15:.4g}:{far:.4g}, or a smaller `hold=`"
         raise gains.refused_depths(what, depths, remedy)
 
 
