@@ -257,8 +257,8 @@ def search_gains(
     pumped = vehicle.command == "volume change"
     weak, around = _least_supply(noisy, supply), region(noisy)
     ends = depths if pumped and step is None else _step(depths, step)
+    way = abs(ends[1] - ends[0])
     for name in names if pumped else ():
-        way = abs(ends[1] - ends[0])
         _check_way(noisy, depths, way, _held(noisy, gains.tunable(name), goal, hold))
     judged = tuple(sorted({*depths, *ends}))
     if cast is not None and cast.cast is not None:
