@@ -158,36 +158,14 @@ def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
         t=np.concatenate([log.time for log in logs]),
         position=np.concatenate([log.piston for log in logs]) / 0.0254,
     )
-    a = answer(
-        capsys,
-        path,
-        "--where",
-        "run=1,2",
-        "--column",
-        "time_s=t@s",
-        "--column",
-        "piston_m=position@in",
-        "--plot",
-        "--out",
-        tmp_path / "out",
-    )
+    columns = ["--where", "run=1,2", "--column", "time_s=t@s", "--column", "piston_m=position@in"]
+    asked = [path, *columns, "--out", tmp_path / "out"]
+    a = answer(capsys, *asked, "--plot")
     assert a["driven_by"] == "nothing"
     assert [fit["log"].endswith(f"(run={k})") for k, fit in enumerate(a["logs"], 1)] == [True] * 2
     low, high = a["parameters"]["T1"]["ci95"]
     assert low < 0.05 < high
-    said = run(
-        capsys,
-        path,
-        "--where",
-        "run=1,2",
-        "--column",
-        "time_s=t@s",
-        "--column",
-        "piston_m=position@in",
-        "--full",
-        "--out",
-        tmp_path / "out",
-    ).out
+    said = run(capsys, *asked, "--full").out
     for k in (1, 2):
         assert f"moves.csv (run={k}) by itself" in said.splitlines()
 
