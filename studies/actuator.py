@@ -87,12 +87,12 @@ def _benches(
 @contextlib.contextmanager
 def same_gains() -> Iterator[None]:
     """Let `identify_actuator` believe, for a while, that no gain differs from another."""
-    before = spreads._PRIOR
-    spreads._PRIOR = _NONE
+    before = spreads.PRIOR
+    spreads.PRIOR = _NONE
     try:
         yield
     finally:
-        spreads._PRIOR = before
+        spreads.PRIOR = before
 
 
 def _truth(motor: Motor, *, moves: bool) -> dict[str, float]:

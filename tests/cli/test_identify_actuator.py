@@ -8,9 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from studies.benches import Motor, measured, random_moves, steps, travel
+from studies.benches import Motor, measured, random_moves, soft_moves, steps, travel
 from swimbladder.cli import main
+from swimbladder.estimation.actuator import identify_actuator
+from swimbladder.io.answers import json_text
 from swimbladder.io.config import load_vehicle
+from swimbladder.io.logs import read_log
 from swimbladder.show.html import symbols
 from tests.pages import figures_of, without_scripts
 
@@ -168,6 +171,21 @@ def test_moves_of_several_logs_in_one_file(capsys, tmp_path):
     said = run(capsys, *asked, "--full").out
     for k in (1, 2):
         assert f"moves.csv (run={k}) by itself" in said.splitlines()
+
+
+def test_the_json_of_several_logs_is_what_python_gives(capsys, tmp_path):
+    paths = []
+    for k in (1, 2):
+        log = soft_moves(
+            np.random.default_rng(k), ramp=1e-3, speed=(4.9e-3, 5.1e-3)[k - 1], hold=3.0, step=0.1
+        )
+        paths.append(write(tmp_path / f"run{k}.csv", time_s=log.time, piston_m=log.piston))
+    a = answer(capsys, *paths, "--required", "rate", "--out", tmp_path / "out")
+    logs = [read_log(path, required=("piston_m",)) for path in paths]
+    told = json.loads(json_text(identify_actuator(logs, required=["rate"]).to_dict()))
+    (said,) = [f for f in told["findings"] if f["kind"] == "logs differ"]
+    assert "run1.csv" in said["sentence"]
+    assert {key: a[key] for key in told} == told
 
 
 @pytest.mark.parametrize(

@@ -22,17 +22,17 @@ def test_four_voltages_count_alone_and_fewer_intervals_hold_where_gains_are_thou
 
 
 def test_the_belief_ends_with_its_block():
-    before = spreads._PRIOR
+    before = spreads.PRIOR
     with same_gains():
-        assert before > 1e6 * spreads._PRIOR
-    assert before == spreads._PRIOR
+        assert before > 1e6 * spreads.PRIOR
+    assert before == spreads.PRIOR
 
 
 def test_the_command_passes_its_options_on(capsys, monkeypatch):
     seen = []
 
     def noted(case, count, seed, *, four):
-        seen.append((case, count, seed, four, spreads._PRIOR))
+        seen.append((case, count, seed, four, spreads.PRIOR))
         return {"K1": actuator.Score(79, 20, 1.0, 0.0)}
 
     monkeypatch.setattr(actuator, "score", noted)

@@ -76,9 +76,7 @@ def _by_voltage(found: ActuatorIdentification, scale: float, panel: Panel) -> No
     u, v = np.array(points).T
     label = "second half of a step"
     panel.dots(u, scale * v, "o", Ink.BLACK, label, size=4.5, hollow=True)
-    values = {name: e.value for name, e in found.parameters.items() if e.known}
-    if "K1A" in values:
-        values["K1"] = values.pop("K1A")
+    values = {name.removesuffix("A"): e.value for name, e in found.parameters.items() if e.known}
     # in one direction alone, a load counts as dead zone
     one_way = float(u.min()) * float(u.max()) >= 0.0
     values = {**({"asymmetry": 1.0, "load_voltage": 0.0} if one_way else {}), **values}
@@ -207,9 +205,7 @@ def words(name: str, e: Estimate) -> dict[str, str]:
     result = {"name": _called(name), "unit": unit, "meaning": MEANING.get(name, ""), "why": e.why}
     if not e.known:
         return result | {"value": "not identifiable", "std": "", "ci95": _bounds(e), "origin": ""}
-    per = unit_factor(e.unit, unit) if unit else 1.0
-    value, std, low, high = (per * x for x in (e.value, e.std, *e.ci95))
-    r = row(name, Estimate(value, std, (low, high), unit, e.origin))
+    r = row(name, e, unit)
     origin = "set" if e.origin == "set" else "the logs"
     return result | {"value": r.value, "std": r.std, "ci95": r.ci95, "origin": origin}
 

@@ -22,10 +22,10 @@ class Row(NamedTuple):
     origin: str
 
 
-def row(name: str, e: Estimate) -> Row:
-    """Return an estimate as texts, in the unit that people read."""
-    unit = shown_unit(e.unit)
-    per = unit_factor(e.unit, unit)
+def row(name: str, e: Estimate, unit: str | None = None) -> Row:
+    """Return an estimate as texts, in a unit; None: that which people read."""
+    unit = unit or shown_unit(e.unit)
+    per = 1.0 if unit == e.unit else unit_factor(e.unit, unit)
     if e.origin == "set" or not math.isfinite(e.std) or e.std <= 0.0:
         return Row(name, f"{per * e.value:.6g}", "", "", unit, e.origin)
     value, std, low, high = (per * x for x in (e.value, e.std, *e.ci95))

@@ -112,8 +112,7 @@ class Bench:
         before = np.concatenate(([0], np.cumsum(kept)))
         runs = [(int(before[first]), int(before[after])) for first, after in self.runs]
         names = ("time", "position", "voltage", "reference")
-        series = {name: getattr(self, name) for name in names}
-        left = {name: values[kept] for name, values in series.items() if values is not None}
+        left = {name: x[kept] for name in names if (x := getattr(self, name)) is not None}
         return replace(self, runs=tuple((a, b) for a, b in runs if b > a), **left)
 
     @property

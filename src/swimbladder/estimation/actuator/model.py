@@ -37,7 +37,7 @@ from scipy.special import erfc
 
 from swimbladder.errors import LogError, NoAnswerError
 from swimbladder.estimation.actuator.bench import IDLE, Bench, Block
-from swimbladder.estimation.estimates import Estimate
+from swimbladder.estimation.estimates import Z95, Estimate
 from swimbladder.estimation.series import Autoregression, Index
 from swimbladder.physics.arrays import Array
 from swimbladder.sim.engine.cache import compiled
@@ -424,7 +424,7 @@ def _longest(benches: Sequence[Bench], block: Block) -> float:
 
 
 _DIFFER = 2.71  # deviance that differing gains have to gain: 5 % by chance
-_PRIOR, _PRIOR_DF = 0.015, 3.0  # scale and degrees of freedom of Student's half t
+PRIOR, _PRIOR_DF = 0.015, 3.0  # scale and degrees of freedom of Student's half t
 # Six series of ten moves of a measured motor have spreads of 0.2 to 1.7 %
 # (docs/how-to/identify-actuator.md); the prior's median is 1.1 %, and one in twenty is above 4.8 %.
 FINEST = 1e-2  # of the tolerance of a position: less is no noise that a sensor has
@@ -462,15 +462,28 @@ class Spread:
         along = [float(w @ np.linalg.solve(H, w)) for H in inner]
         return np.asarray(self.sigmas**2 * np.array(along))
 
-    def reach(self, variances: Array) -> float:
-        """Return half the width of the 95 % interval of a mixture of normals about one mean."""
-        std = np.sqrt(np.maximum(variances, 1e-300))
 
-        def beyond(x: float) -> float:
-            return float(self.weights @ erfc(x / (math.sqrt(2.0) * std))) - 0.05
+def half_width(weights: Array, variances: Array) -> float:
+    """Return half the width of the 95 % interval of a mixture of normals about one mean."""
+    std = np.sqrt(np.maximum(variances, 1e-300))
 
-        most = 1.96 * float(std.max())
-        return float(brentq(beyond, 0.0, 1.01 * most, xtol=1e-6 * most))
+    def beyond(x: float) -> float:
+        return float(weights @ erfc(x / (math.sqrt(2.0) * std))) - 0.05
+
+    most = 1.96 * float(std.max())
+    return float(brentq(beyond, 0.0, 1.01 * most, xtol=1e-9 * most))
+
+
+def _trials(df: float) -> tuple[Array, Array]:
+    """Return shares that gains may differ by, and the prior's log density of their logarithms."""
+    shares = np.geomspace(_LEAST, _MOST, _SHARES)
+    return shares, np.log(shares) - 0.5 * (df + 1.0) * np.log1p((shares / PRIOR) ** 2 / df)
+
+
+def _weights(score: Array) -> Array:
+    """Return probabilities from their logarithms, which lack a constant."""
+    weights = np.exp(score - score.max())
+    return np.asarray(weights / weights.sum())
 
 
 def slope(problem: Problem, q: Array) -> Array:
@@ -515,7 +528,7 @@ def gains(problem: Problem, q: Array) -> Spread:
 
     free, _ = parts(np.ones(len(a)))  # any gain for each block
     sigma = math.sqrt(free / max(lost - moved + _gains_of(problem), 1))
-    shares = np.geomspace(_LEAST, _MOST, _SHARES)
+    shares, prior = _trials(_PRIOR_DF)
     scores, sigmas, information = [], [], []
     for share in shares.tolist():
         more = (share / sigma * whiten.size) ** 2
@@ -526,11 +539,7 @@ def gains(problem: Problem, q: Array) -> Spread:
         information.append(H)
     score = np.array(scores)
     best = int(np.argmin(score))
-    # of the logarithm of the share: the density times the share
-    prior = np.log(shares) - 0.5 * (_PRIOR_DF + 1.0) * np.log1p((shares / _PRIOR) ** 2 / _PRIOR_DF)
-    log_weight = prior - 0.5 * (score - score[best])
-    weights = np.exp(log_weight - log_weight.max())
-    weights /= weights.sum()
+    weights = _weights(prior - 0.5 * score)
     significant = bool(moved > _gains_of(problem) and score[best] < score[0] - _DIFFER)
     found, likely = (np.array(sigmas), np.stack(information)), float(shares[best])
     return Spread(shares, weights, *found, significant, likely)
@@ -556,53 +565,46 @@ def shown(value: float, unit: str, digits: int = 4) -> str:
     return format_quantity(value, unit, shown_unit(unit), digits)
 
 
-def student(df: float) -> float:
-    """Return half the 95 % interval of Student's distribution, in standard deviations."""
-    from scipy.stats import t
-
-    return float(t.ppf(0.975, max(df, 1.0)))
-
-
 class Pooled(NamedTuple):
     """A mean of several estimates that differ by chance, and perhaps by more than chance."""
 
     mean: float
-    std: float  # of the mean
+    std: float  # of the mean: the 95 % interval is that of a normal distribution
     between: float  # standard deviation between the true values of the several
-    df: float  # degrees of freedom for the interval of the mean
     p: float  # probability of such differences by chance alone
 
-    def estimate(self, unit: str, *, positive: bool = False) -> Estimate:
-        """Return it as an estimate; what is `positive` has an interval that is."""
-        found = Estimate.of(self.mean, self.std, unit, reach=student(self.df) * self.std)
-        low, high = found.ci95
-        return replace(found, ci95=(max(low, 0.0), high)) if positive else found
+    def estimate(self, unit: str, least: float = -math.inf) -> Estimate:
+        """Return it as an estimate; `least` is what it is for sure."""
+        found = Estimate.of(self.mean, self.std, unit)
+        return replace(found, ci95=(max(found.ci95[0], least), found.ci95[1]))
 
 
-def pool(values: ArrayLike, stds: ArrayLike) -> Pooled:
+# Before several estimates are seen: probability of one true value; degrees of freedom of the
+_AGREE, _TAIL = 0.5, 0.7  # spread's half t else: a tail so heavy that it rules out no difference
+
+
+def pool(values: ArrayLike, stds: ArrayLike, wide: float = 1.0) -> Pooled:
     """Return the random-effects mean of independent estimates with standard deviations.
 
-    The spread between them is that of Paule and Mandel (J. Res. NBS 87, 1982, 377): it makes the
-    weighted sum of squares what chance would make it, and is zero where that is small already.
-    The degrees of freedom are Satterthwaite's, between those of the spread and infinity.
+    Two or three hardly determine the spread between them, so it has a prior: none with even odds,
+    else a half t density, its scale PRIOR times the largest value, times `wide`. Over it is laid
+    the restricted likelihood (Roever, J. Stat. Softw. 93, 2020, 6), as in `gains`.
     """
     from scipy.stats import chi2
 
-    x, var = np.asarray(values, float), np.asarray(stds, float) ** 2
-    var = np.maximum(var, 1e-30 * float(np.max(x**2, initial=1e-300)))
-    n = len(x)
-
-    def excess(spread: float) -> float:
-        w = 1.0 / (var + spread)
-        return float(w @ (x - w @ x / w.sum()) ** 2) - (n - 1)
-
-    chance = float(chi2.sf(excess(0.0) + n - 1, n - 1)) if n > 1 else 1.0
-    spread = 0.0
-    if n > 1 and excess(0.0) > 0.0:
-        top = float(np.ptp(x)) ** 2 * n
-        spread = float(brentq(excess, 0.0, top, xtol=1e-9 * top))
-    w = 1.0 / (var + spread)
-    total, within = 1.0 / w.sum(), float((w**2) @ var) / float(w.sum()) ** 2
-    share = 1.0 - within / total
-    df = (n - 1) / share**2 if share > 1e-6 else math.inf
-    return Pooled(float(w @ x / w.sum()), math.sqrt(total), math.sqrt(spread), df, chance)
+    x, std = np.asarray(values, float), np.asarray(stds, float)
+    if len(x) == 1:
+        return Pooled(float(x[0]), float(std[0]), 0.0, 1.0)
+    largest = max(float(np.abs(x).max()), 1e-135)
+    shares, prior = _trials(_TAIL)
+    odds = np.append(_AGREE, (1.0 - _AGREE) * _weights(prior))
+    spreads = wide * largest * np.append(0.0, shares)
+    w = 1.0 / (np.maximum(std, 1e-15 * largest) ** 2 + spreads[:, None] ** 2)
+    total = w.sum(axis=1)
+    means = w @ x / total
+    squares = (w * (x - means[:, None]) ** 2).sum(axis=1)
+    weights = _weights(np.log(odds) + 0.5 * (np.log(w).sum(axis=1) - np.log(total) - squares))
+    mean = float(weights @ means)
+    half = half_width(weights, 1.0 / total + (means - mean) ** 2)
+    between = float(spreads[np.searchsorted(weights.cumsum(), 0.5)])  # the median
+    return Pooled(mean, half / Z95, between, float(chi2.sf(squares[0], len(x) - 1)))

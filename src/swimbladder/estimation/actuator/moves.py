@@ -21,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from swimbladder.estimation.actuator.bench import Bench, autoregression, spikes
-from swimbladder.estimation.actuator.model import Pooled, pool, student
+from swimbladder.estimation.actuator.model import Pooled, pool
 from swimbladder.estimation.actuator.result import Step
-from swimbladder.estimation.estimates import Estimate, bounded_fit, crossing, sentence
+from swimbladder.estimation.estimates import Z95, Estimate, bounded_fit, crossing, sentence
 from swimbladder.estimation.series import WHITE, Index, stretches, white_noise
 from swimbladder.physics.arrays import Array, Flags
 
@@ -430,7 +430,7 @@ class _Fit:
         """Return T1 with its interval, or its bound where the samples give no more."""
         least = float(np.sum(self._residual(self.best) ** 2))
         none = self._deviance(math.log(_NOTHING * self.step))
-        inflation, df, information = self._information()
+        inflation, information = self._information()
         if none - least < _CHI2 * inflation:
             bound = self._crossing(none + _ONE_SIDED * inflation)
             if bound > max(float(w.time[-1]) for w in self.windows):
@@ -442,15 +442,16 @@ class _Fit:
         T1 = math.exp(self.best[0])
         if std > 1.0 or max(float(w.time[-1]) for w in self.windows) < T1:
             return Estimate.unknown("s", _TOO_SHORT)
-        return Estimate.of(T1, T1 * std, "s", reach=student(df) * T1 * std, logarithmic=True)
+        return Estimate.of(T1, T1 * std, "s", logarithmic=True)
 
-    def _information(self) -> tuple[float, float, float]:
-        """Return by what the variance of ln T1 exceeds that of the noise, its degrees of freedom,
-        and the information on ln T1 but for that.
+    def _information(self) -> tuple[float, float]:
+        """Return by what the variance of ln T1 exceeds that of the noise, and the information but
+        for that.
 
-        Moves that differ by more than noise explains have scores that do: the sandwich.
+        Moves that differ by more than noise explains have scores that do: the sandwich, wider by
+        what few moves show of it.
         """
-        from scipy.stats import chi2
+        from scipy.stats import chi2, t
 
         slope, residual = self._slope(self.best), self._residual(self.best)
         scores, parts, start = [], [], 0
@@ -464,10 +465,11 @@ class _Fit:
             parts.append(float(alone @ alone))
         information, count = sum(parts), len(parts)
         if count < 3 or information <= 0.0:
-            return 1.0, math.inf, information
+            return 1.0, information
         ratio = sum(score**2 for score in scores) * count / (count - 1) / information
         likely = float(chi2.ppf(0.95, count - 1)) / (count - 1)
-        return (ratio, count - 1.0, information) if ratio > likely else (1.0, math.inf, information)
+        few = (float(t.ppf(0.975, count - 1)) / Z95) ** 2
+        return (few * ratio if ratio > likely else 1.0), information
 
     def _crossing(self, level: float) -> float:
         """Return the T1 [s] above the best at which the deviance reaches a level."""
@@ -558,19 +560,11 @@ def _both(pooled: dict[int, Pooled], unit: str) -> dict[str, Estimate]:
         why = f"the log has moves {_WAYS[way]}ward only"
         return {"asymmetry": Estimate.unknown("-", why), "rate": one.estimate(unit)}
     out, in_ = pooled[1], pooled[-1]
-    a, b = out.std / out.mean, in_.std / in_.mean
+    both = math.hypot(out.std / out.mean, in_.std / in_.mean)
     rate, ratio = math.sqrt(out.mean * in_.mean), out.mean / in_.mean
-    both = math.hypot(a, b)
-    # Satterthwaite's degrees of freedom of a sum of two variances
-    fourth = a**4 / out.df + b**4 / in_.df
-    df = both**4 / fourth if fourth > 0.0 else math.inf
-
-    def found(value: float, std: float, of: str) -> Estimate:
-        return Estimate.of(value, std, of, reach=student(df) * std, logarithmic=True)
-
     return {
-        "asymmetry": found(ratio, both * ratio, "-"),
-        "rate": found(rate, 0.5 * both * rate, unit),
+        "asymmetry": Estimate.of(ratio, both * ratio, "-", logarithmic=True),
+        "rate": Estimate.of(rate, 0.5 * both * rate, unit, logarithmic=True),
     }
 
 
@@ -592,6 +586,10 @@ def _step(bench: Bench, move: Move, rate: Rate, start: tuple[Index, Array] | Non
     return Step(bench.source, label, time, x, fitted, used, speed=rate.value, start=shown)
 
 
+_SPEEDS = ("K1", "rate", "asymmetry")
+WIDE = 10.0  # times, that all else may differ more between logs than speeds do
+
+
 def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], dict[str, float]]:
     """Return the random-effects means over logs, and by name the probability of such differences.
 
@@ -602,11 +600,11 @@ def together(fits: Sequence[dict[str, Estimate]]) -> tuple[dict[str, Estimate], 
     for name in dict.fromkeys(name for fit in fits for name in fit):
         all_ = [fit[name] for fit in fits if name in fit]
         estimates = [e for e in all_ if e.known]
-        if len(estimates) < 2:
-            result[name] = estimates[0] if estimates else all_[0]
-            continue
-        pooled = pool([e.value for e in estimates], [e.std for e in estimates])
-        positive = all(e.value > 0.0 for e in estimates)
-        result[name] = pooled.estimate(estimates[0].unit, positive=positive)
-        chance[name] = pooled.p
+        result[name] = (estimates or all_)[0]
+        if len(estimates) > 1:
+            wide = 1.0 if name.startswith(_SPEEDS) else WIDE
+            pooled = pool([e.value for e in estimates], [e.std for e in estimates], wide)
+            least = 0.0 if all(e.value > 0.0 for e in estimates) else -math.inf
+            result[name] = pooled.estimate(estimates[0].unit, least)
+            chance[name] = pooled.p
     return result, chance

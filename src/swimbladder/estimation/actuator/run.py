@@ -9,8 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
-from swimbladder.estimation.actuator.model import LOGARITHMIC, shown
-from swimbladder.estimation.actuator.moves import MovesFit, fit_moves, together
+from swimbladder.estimation.actuator.model import LOGARITHMIC, PRIOR, shown
+from swimbladder.estimation.actuator.moves import WIDE, MovesFit, fit_moves, together
 from swimbladder.estimation.actuator.result import (
     PARAMETERS,
     ActuatorIdentification,
@@ -33,7 +33,6 @@ from swimbladder.estimation.estimates import (
     Z95,
     Estimate,
     Finding,
-    Severity,
     check_distinct,
     check_names,
     read_values,
@@ -61,8 +60,8 @@ def of_voltage(
     if problem.early.any():
         yield Finding.of("actuator", "start", early=int(problem.early.sum()))
     if spread.significant:
-        severity: Severity = "warning" if spread.likely > _SEVERAL else "note"
-        yield _unless(spread.likely, "gains differ", severity, share=spread.likely)
+        severe = spread.likely > _SEVERAL
+        yield _unless(spread.likely, "gains differ", severe=severe, share=spread.likely)
     elif fit.widened >= _WIDE:
         few = "No step was" if fit.repeats < 1 else "Few steps were"
         yield Finding.of("actuator", "repeat", few=few, allowed=spread.typical, widened=fit.widened)
@@ -99,31 +98,47 @@ def of_moves(fits: Sequence[MovesFit], samples: int) -> Iterator[Finding]:
         yield _unless(abs(change), "load", word=word, change=abs(change))
 
 
-def _unless(share: float, key: str, otherwise: Severity = "note", /, **values: Any) -> Finding:
+def _unless(share: float, key: str, /, *, severe: bool = False, **values: Any) -> Finding:
     """Return a finding on a share by which speeds differ; a large one is no actuator's."""
-    found = Finding.of("actuator", key, otherwise, **values)
+    found = Finding.of("actuator", key, "warning" if severe else "note", **values)
     if share <= _INCONSISTENT:
         return found
     text = f"{found.sentence} {sentence('actuator', 'inconsistent')}"
     return found._replace(severity="no", sentence=text)
 
 
-def logs_differ(
-    names: Sequence[str], per_log: Sequence[Mapping[str, Estimate]]
+def between_logs(
+    joint: Mapping[str, Estimate], chance: Mapping[str, float], logs: Sequence[LogFit]
 ) -> Iterator[Finding]:
-    """Yield the sentence on parameters that differ between logs by more than chance."""
-    ranges, most = [], 0.0
-    for name in names:
-        known = [f[name] for f in per_log if name in f and f[name].known]
-        low, high = min(e.value for e in known), max(e.value for e in known)
-        most = max(most, high / low - 1.0) if low > 0.0 else 1.0
-        ranges.append(f"{name} from {shown(low, known[0].unit)} to {shown(high, known[0].unit)}")
+    """Yield which numbers differ between logs, and which intervals of all are wider than of one.
+
+    joint: of all logs together; chance: the probability of such differences.
+    """
+    ranges, wider, most, odd = [], [], 0.0, ("", 0.0)
+    for name in [name for name in chance if joint[name].origin == "data"]:
+        known = [(e, f) for f in logs if (e := f.parameters.get(name)) and e.known]
+        if chance[name] >= _DIFFERENT:
+            wider += [name] * (joint[name].std > min(e.std for e, _ in known))
+            continue
+        (low, first), *_, (high, last) = sorted(known, key=lambda one: one[0].value)
+        most = max(most, high.value / low.value - 1.0) if low.value > 0.0 else 1.0
+        ends = [f"{shown(e.value, e.unit)} in {f.source}" for e, f in ((low, first), (high, last))]
+        ranges.append(f"{name} from {ends[0]} to {ends[1]}")
+        for e, log in known if len(known) > 2 else ():
+            others = together([f.parameters for f in logs if f is not log])[0][name]
+            like_them = math.hypot(e.std, others.std * math.sqrt(len(known)))
+            off = abs(e.value - others.value) / like_them
+            odd = max(odd, (log.source, off), key=lambda one: one[1])
     if ranges:
-        severity: Severity = "warning" if most > _SEVERAL else "note"
-        yield _unless(0.25 * most, "logs differ", severity, ranges=", ".join(ranges))
+        far, all_ = "odd" if odd[1] > _APART else "which", ", ".join(ranges)
+        said = sentence("actuator", "logs differ", far, log=odd[0])
+        yield _unless(0.25 * most, "logs differ", severe=most > _SEVERAL, ranges=all_, odd=said)
+    if wider:
+        yield Finding.of("actuator", "few logs", count=len(logs), names=", ".join(wider))
 
 
 _DIFFERENT = 0.01  # probability below which logs are said to differ
+_APART = 4.0  # standard deviations from all others, at which a log is named
 
 
 def identify_actuator(
@@ -179,48 +194,48 @@ def identify_actuator(
         raise InputError(what, field="fixed", value=", ".join(fixed), remedy=remedy)
     if required is None:
         usual = {"voltage": ("K1", "T1"), "reference": ("rate",), "nothing": ("T1", "rate")}
-        required = usual[driven]
-        if vehicle is not None and vehicle.command == "volume":
-            required = ("rate",)
-        required = tuple(name for name in required if name not in fixed)
+        needed = ("rate",) if vehicle and vehicle.command == "volume" else usual[driven]
+        required = tuple(name for name in needed if name not in fixed)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        found = (
-            _voltage(benches, fixed, advance) if driven == "voltage" else _moves(benches, advance)
-        )
-    found = found._replace(
-        parameters={n: _settled(n, e, found) for n, e in found.parameters.items()},
-        derived={n: _settled(n, e, found) for n, e in found.derived.items()},
-    )
-    missing = [(n, found.parameters[n].why) for n in required if not found.parameters[n].known]
-    refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
-    one, known = benches[0], [n for n in found.covariance if found.parameters[n].known]
-    refused += _impossible(found.parameters, one.unit)
-    which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
+        by_steps = driven == "voltage"
+        found = _voltage(benches, fixed, advance) if by_steps else _moves(benches, advance)
 
     def called(name: str) -> str:
-        return "K1A" if name == "K1" and one.quantity == "volume" else name
+        return "K1A" if name == "K1" and benches[0].quantity == "volume" else name
 
-    found = found._replace(
-        parameters={called(name): e for name, e in found.parameters.items()},
+    def settled(of: Mapping[str, Estimate]) -> dict[str, Estimate]:
+        return {called(n): _settled(n, e, found) for n, e in of.items()}
+
+    parameters = settled(found.parameters)
+    known = [n for n in found.covariance if parameters[called(n)].known]
+    missing = [(n, parameters[called(n)].why) for n in required if not parameters[called(n)].known]
+    refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
+    refused += _impossible(parameters, benches[0].unit)
+    which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
+    priors = {"speeds": PRIOR, "rest": WIDE * PRIOR, "least": _CLOSEST}
+    claim = sentence("actuator", "one log" if len(benches) == 1 else "several logs", **priors)
+    return ActuatorIdentification(
+        driven=driven,
+        quantity=benches[0].quantity,
+        parameters=parameters,
+        derived=settled(found.derived),
+        asked=tuple(map(called, required)),
+        noise=found.noise,
         covariance={
             called(a): {
-                called(b): max(x, found.parameters[a].std ** 2) if a == b else x
+                called(b): max(x, parameters[called(a)].std ** 2) if a == b else x
                 for b, x in found.covariance[a].items()
                 if b in known
             }
             for a in known
         },
+        logs=tuple(replace(f, parameters=settled(f.parameters)) for f in found.logs),
+        steps=found.steps,
+        nine=nine(parameters, vehicle, which),
         findings=(*found.findings, *refused),
-    )
-    return ActuatorIdentification(
-        driven=driven,
-        quantity=one.quantity,
-        asked=tuple(map(called, required)),
-        nine=nine(found.parameters, vehicle, which),
-        assumptions=tuple(sentence("actuator", driven).split("\n")),
+        assumptions=(*sentence("actuator", driven).split("\n"), *claim.split("\n")),
         notes=tuple(dict.fromkeys(note for b in benches for note in b.notes)),
         given=vehicle,
-        **{n: x for n, x in found._asdict().items() if n not in ("clock", "wider")},
     )
 
 
@@ -231,9 +246,8 @@ _POSSIBLE = {"T1": (1e-4, 10.0), "rate": (1e-7, 1.0), "K1": (1e-8, 0.1)}
 def _impossible(parameters: Mapping[str, Estimate], unit: str) -> Iterator[Finding]:
     """Yield which parameters no actuator has."""
     for name, (least, most) in _POSSIBLE.items():
-        e = parameters[name]
-        comparable = e.origin == "data" and (name == "T1" or unit == "m")
-        if comparable and not least <= e.value <= most:
+        e = parameters.get(name) if unit == "m" or name == "T1" else None
+        if e and e.origin == "data" and not least <= e.value <= most:
             yield Finding.of("actuator", "impossible", name=name, value=shown(e.value, e.unit))
 
 
@@ -246,8 +260,7 @@ def _settled(name: str, e: Estimate, found: "_Found") -> Estimate:
         return e
     positive = name.startswith(LOGARITHMIC)
     least = math.hypot(_CLOSEST * e.value * positive, found.clock * name.startswith("T1"))
-    ends = [found.wider * (e.value - end) for end in e.ci95]
-    low, high = (math.hypot(end, Z95 * least) for end in ends)
+    low, high = (math.hypot(found.wider * (e.value - end), Z95 * least) for end in e.ci95)
     e = replace(e, std=math.hypot(found.wider * e.std, least), ci95=(e.value - low, e.value + high))
     why = undetermined(e, (0.0 if positive else -math.inf, math.inf))
     return Estimate.bounded(*e.ci95, e.unit, why) if why else e
@@ -295,8 +308,7 @@ def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Adva
     advance(share)
     alone: list[LogFit] = []
     for one in taken:
-        single = LogFit(one.source, parameters)
-        alone.append(single if len(benches) == 1 else _alone(one, fixed))
+        alone.append(_alone(one, fixed) if len(taken) > 1 else LogFit(one.source, parameters))
         advance(share)
     T1 = parameters["T1"]
     soft = soft_start(fit) if T1.origin == "data" else None
@@ -306,11 +318,10 @@ def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Adva
     if soft is not None:
         why = sentence("actuator", "soft start", "why")
         parameters["T1"] = Estimate.bounded(0.0, T1.ci95[1], "s", why)
-    per_log = [f.parameters for f in alone if f.parameters]
-    mean, chance = together(per_log) if len(per_log) > 1 else ({}, {})
+    mean, chance = together([f.parameters for f in alone])
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
-    findings += logs_differ(apart, per_log)
+    findings += between_logs(parameters, chance, alone)
     covariance, derived = covariance_of(fit, parameters), by_direction(fit, parameters, unit)
     said, logs, steps = tuple(findings), tuple(alone), steps_of(fit, benches)
     more = taken[0].clock, _BETWEEN if led else 1.0
@@ -336,19 +347,19 @@ def _moves(benches: Sequence[Bench], advance: Advance) -> _Found:
             "No move at full speed is in the logs: the actuator is not identifiable. Log moves "
             "long enough for six samples or more at full speed."
         )
-    parameters, chance = together([fit.parameters for fit in fits])
-    derived, chance_by_way = together([fit.derived for fit in fits])
-    findings = [*of_moves(fits, sum(len(one.time) for one in benches))]
-    apart = [name for name, p in {**chance, **chance_by_way}.items() if p < _DIFFERENT]
-    findings += logs_differ(apart, [{**f.parameters, **f.derived} for f in fits])
     why = "no move at full speed is in the log"
     logs = tuple(
         LogFit(one.source, {**fit.parameters, **fit.derived}, None if fit.steps else why)
         for one, fit in zip(benches, fits, strict=True)
     )
-    known = [name for name in ("T1", "rate") if parameters[name].known]
-    covariance = {name: {name: parameters[name].std ** 2} for name in known}
+    derived, chance = together([log.parameters for log in logs])
+    findings = (
+        *of_moves(fits, sum(len(b.time) for b in benches)),
+        *between_logs(derived, chance, logs),
+    )
+    parameters = {name: derived.pop(name) for name in fits[0].parameters}
+    covariance = {n: {n: e.std**2} for n in ("T1", "rate") if (e := parameters[n]).known}
     noise = max(fit.noise for fit in fits if not math.isnan(fit.noise))
     steps = tuple(step for fit in fits for step in fit.steps)
-    clock = benches[0].clock
-    return _Found(parameters, tuple(findings), covariance, derived, noise, logs, steps, clock)
+    found = parameters, findings, covariance, derived, noise, logs, steps
+    return _Found(*found, benches[0].clock)

@@ -29,6 +29,7 @@ from swimbladder.estimation.actuator.model import (
     first_guess,
     gains,
     guess_from,
+    half_width,
     robustly,
     shown,
     slope,
@@ -72,7 +73,7 @@ class VoltageFit:
         std = math.sqrt(max(float(direction @ self.covariance @ direction), 0.0))
         if not self.known.size or std == 0.0:
             return std, 1.96 * std
-        return std, self.spread.reach(self.spread.variances(self.known, direction))
+        return std, half_width(self.spread.weights, self.spread.variances(self.known, direction))
 
     @property
     def widened(self) -> float:
@@ -81,7 +82,8 @@ class VoltageFit:
             return 1.0
         K1 = np.array([float(name == "K1") for name in self.problem.free])
         variances = self.spread.variances(self.known, K1)
-        return self.spread.reach(variances) / (1.96 * math.sqrt(max(float(variances[0]), 1e-300)))
+        alike = 1.96 * math.sqrt(max(float(variances[0]), 1e-300))
+        return half_width(self.spread.weights, variances) / alike
 
     @property
     def repeats(self) -> int:
@@ -139,8 +141,7 @@ def fit_voltage(benches: Sequence[Bench], fixed: Mapping[str, float]) -> Voltage
         _at_rest(problem, q)
         q = robustly(problem, {**problem.values(q), **fixed})
     fit = _refine(problem, q)
-    limited = None if "rate" in fixed else _with_limit(fit)
-    return fit if limited is None else limited
+    return fit if "rate" in fixed else _with_limit(fit) or fit
 
 
 def _one_way(benches: Sequence[Bench], blocks: Sequence[Block], guess: Mapping[str, float]) -> bool:
