@@ -45,7 +45,7 @@ def test_every_number_has_a_unit_that_its_text_may_have(name):
     for parameter in inspect.signature(FUNCTIONS[name]).parameters.values():
         words = str(parameter.annotation)
         if "float" in words and not any(w in words for w in ("Mapping", "Callable", "Sequence")):
-            known = units.get(parameter.name, "")
+            known = units.get(parameter.name, [""])[0]
             assert bool(known) != (parameter.name in SHARES.get(name, set())), parameter.name
             assert parse_quantity(f"2 {known}".strip(), known) == 2.0
 

@@ -55,13 +55,8 @@ def accepting(function: Callable[_P, _T]) -> Callable[_P, _T]:
     return called
 
 
-def units_of(function: Callable[..., Any]) -> dict[str, str]:
-    """Return the unit of each parameter by its docstring; none where it says none."""
-    return {name: units[0] for name, units in _units(function).items()}
-
-
 @cache
-def _units(function: Callable[..., Any]) -> dict[str, list[str]]:
+def units_of(function: Callable[..., Any]) -> dict[str, list[str]]:
     """Return all units that the docstring says of each parameter, in their order."""
     section = _SECTION.search(inspect.getdoc(function) or "")
     found: dict[str, list[str]] = {}
@@ -96,7 +91,7 @@ def _takers(function: Callable[..., Any]) -> dict[str, _Taker]:
             reader = water if type_name == "Column" else _reader(type_name, function.__name__)
             found[name] = _several(reader) if "Sequence" in words else reader
         elif "float" in words and not {"ArrayLike", "NDArray"} & words:
-            numbers = [_number(unit) for unit in _units(function).get(name, [""])]
+            numbers = [_number(unit) for unit in units_of(function).get(name, [""])]
             one = _pair(numbers[0], numbers[-1]) if "tuple" in words else numbers[0]
             found[name] = _each(one) if "Sequence" in words else one
     return found

@@ -46,10 +46,6 @@ def _plus_minus(e: Estimate) -> str:
     return f"{r.value} +- {r.std}" if r.std else "-"
 
 
-def _small(p: float) -> str:
-    return f"{p:.1g}" if p > 1e-4 else "below 1e-4"
-
-
 VEHICLE = "vehicle.toml"
 POSTERIOR = "posterior.csv"
 MARK = "Identified by swimbladder identify"
@@ -272,7 +268,8 @@ def _logs(found: Identification) -> Table:
     for label, e in zip(labels(found), found.experiments, strict=True):
         time, used = e.record.time, int((e.weight > 0.0).sum())
         off = f"{1e3 * e.rms:.1f}", f"{1e3 * e.noise:.2g}"
-        white = "white" if e.whiteness_p > 0.01 else f"correlated (p {_small(e.whiteness_p)})"
+        p = f"{e.whiteness_p:.1g}" if e.whiteness_p > 1e-4 else "below 1e-4"
+        white = "white" if e.whiteness_p > 0.01 else f"correlated (p {p})"
         neutral = _plus_minus(e.estimates["neutral_error"]), _plus_minus(e.drift)
         samples = f"{used} of {len(time)}", str(e.outliers)
         rows.append((label, f"{time[-1] - time[0]:.0f}", *samples, *off, white, *neutral))
@@ -304,23 +301,14 @@ def _fitted(fit: Fit | None, unit: str) -> list[str]:
 
 
 def _process_noise(found: Identification) -> Iterator[Part]:
-    """Give by how much the vehicle does not move as the model has it."""
-    if (fit := found.process_noise) is None:
+    """Give how far each neutral volume went, and what the depth's noise is made of."""
+    fit = found.process_noise
+    if fit is None or fit.white:
         return
     noises = fit.noises
-    drift = noises["random_walk"]
-    per_minute = 1e6 * 60.0**0.5
-    value, low, high = (rounded(per_minute * x, 2) for x in (drift.value, *drift.ci95))
     headings = ("log", "neutral volume travelled [cm3]")
     went = [rounded(1e6 * x, 2) for x in fit.travelled]
     yield Table(headings, [*zip(labels(found), went, strict=True)], title="Process noise")
-    yield (
-        "The vehicle does not quite move as the model has it, and the intervals allow for that: "
-        f"the neutral volume is a random walk of {value} cm3 after a minute, 1 sigma (95 %: {low} "
-        f"to {high}; probability of as much evidence for it if it were constant: "
-        f"{_small(fit.p_value)}); white acceleration adds "
-        f"{rounded(1e3 * noises['acceleration'].value, 2)} mm/s of speed after a second."
-    )
     yield (
         f"Of the depth's noise {rounded(1e3 * noises['depth_noise'].value, 2)} mm are white, and "
         f"{rounded(1e3 * noises['correlated'].value, 2)} mm last for "

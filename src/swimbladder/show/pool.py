@@ -18,9 +18,9 @@ from swimbladder.design.experiments.conditions import (
     Question,
     Release,
     Setting,
-    fisher_information,
     follow,
     ramps,
+    shares_after,
 )
 from swimbladder.design.plan import Move
 from swimbladder.design.pool_day import PoolDay
@@ -73,17 +73,12 @@ def expected(day: PoolDay) -> Expected | None:
         moves=1 + max(len(task.turns) for task in tasks),
     )
     try:
-        c = Conditions(question, setting, ramps(day.vehicle, setting))
+        c = Conditions(question, setting, ramps(day.vehicle, setting), day.vehicle)
         flights = [_ended(follow(_release(task), question.values, c), day) for task in tasks]
     except SwimbladderError:
         return None
-    gain = question.prior(setting)
-    after = []
-    for flight in flights:
-        gain = gain + fisher_information(flight, question.values, c)
-        covariance = np.linalg.inv(gain + 1e-9 * np.eye(len(gain)))
-        after.append(np.sqrt(np.diag(covariance)))
-    shares = {name: [float(row[k]) for row in after] for k, name in enumerate(question.names)}
+    after = zip(*shares_after(flights, question.values, c), strict=True)
+    shares = {name: list(row) for name, row in zip(question.names, after, strict=True)}
     return Expected(flights, shares, setting.depth_noise)
 
 

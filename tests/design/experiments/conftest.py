@@ -54,8 +54,8 @@ def limits(vehicle, setting):
 
 
 @pytest.fixture(scope="session")
-def conditions(question, setting, limits):
-    return Conditions(question, setting, limits)
+def conditions(question, setting, limits, vehicle):
+    return Conditions(question, setting, limits, vehicle)
 
 
 @pytest.fixture(scope="session")

@@ -12,8 +12,6 @@ from swimbladder.estimation.motion import identify
 from swimbladder.io.logs import Log
 from tests.design.experiments.truth import Vehicle, depths, run
 
-pytestmark = pytest.mark.prove
-
 NAMES = ("K2", "T2", "psi")
 CAMPAIGNS = 60
 
@@ -37,8 +35,8 @@ def logs(plan, vehicle, rng, setting):
             quantum=setting.quantum,
             neutral=setting.neutral_std * rng.normal(),
             drift=setting.drift_std * rng.normal(),
+            late=late,
         )
-        volume = np.interp(time - late, time, volume)
         line = np.arange(len(time)) + 2
         found.append(
             Log(source=f"{number}", time=time, depth=depth, volume=volume + 1e-4, line=line)
@@ -65,7 +63,7 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
             asked = design.conditions.question
             there = asked.values | dict(zip(NAMES, values.tolist(), strict=True))
             question = asked._replace(model=asked.model._replace(values=there))
-            c = Conditions(question, setting, limits)
+            c = Conditions(question, setting, limits, vehicle)
             flights = [follow(r, there, c) for r in evaluated.releases]
             expected = predict(flights, c)
             rows.append(
@@ -81,10 +79,26 @@ def campaigns(design, vehicle, setting, tmp_path_factory):
     return found
 
 
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_promised_is_what_a_pool_day_gives(design, vehicle, setting, tmp_path, seed):
+    """A motor that begins between two samples, drifts and late stamps: one likelihood for both."""
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_file(design.plan()), encoding="utf-8")
+    true = Vehicle(7935.54, 36.3, 4.04e-6)
+    measured = logs(load_plan(path), true, np.random.default_rng([23, seed]), setting)
+    answer = identify(measured, vehicle, profiles=False, choices=False)
+    assert any(f.kind == "volumes inexact" for f in answer.findings)
+    for name, promised in design.chosen.prediction.parameters.items():
+        e = answer.parameters[name]
+        assert e.std == pytest.approx(promised.std, rel=0.4)  # depths set moves off, see below
+        assert abs(e.value - promised.value) < 3.5 * e.std
+
+
 def rms(errors):
     return np.sqrt(np.mean(errors**2, axis=0))
 
 
+@pytest.mark.prove
 def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campaigns):
     """Realised errors, the same vehicles and the same pool time."""
     assert design.chosen.time <= design.against.time
@@ -92,6 +106,7 @@ def test_the_planned_set_is_better_than_the_papers_in_no_more_time(design, campa
     assert (theirs / ours > 3.0).all(), (ours, theirs)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["planned", "paper"])
 def test_the_deviation_predicted_is_the_scatter_that_comes(campaigns, name):
     """Within its sampling error: the squares of 60 errors over the predicted deviation."""
@@ -101,6 +116,7 @@ def test_the_deviation_predicted_is_the_scatter_that_comes(campaigns, name):
     assert ((low < squares) & (squares < high)).all(), squares / CAMPAIGNS
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["planned", "paper"])
 def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
     """Up to the noise, which a fit estimates, and to where noisy depths set off the moves: they
@@ -110,19 +126,25 @@ def test_the_covariance_predicted_is_the_one_reported(campaigns, name):
     ratio = reported / predicted
     assert np.median(ratio, axis=0) == pytest.approx(np.ones(3), abs=0.08)
     assert np.mean(np.abs(ratio - 1.0) < 0.4) > 0.9  # where it turns decides in an unstable vehicle
-    assert np.median(np.abs(said - expected)) < 0.02
+    assert np.median(np.abs(said - expected)) < 0.03
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", ["planned", "paper"])
 def test_intervals_hold_the_truth_under_all_that_the_plan_assumes(campaigns, name):
-    """Noise, quantum, neutral volumes that are off and drift, and volumes that are late."""
+    """Noise, quantum, neutral volumes that are off and drift, volumes that are late, and a motor
+    that begins between two samples.
+    """
     errors, reported, *_ = campaigns[name]
     held = (np.abs(errors) < 1.96 * reported).sum(axis=0)
     assert (held >= binom(CAMPAIGNS, 0.95).ppf(0.002)).all(), held / CAMPAIGNS
 
 
+@pytest.mark.prove
 def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle, conditions):
-    """Nothing is left but the noise that a fit estimates, from some two thousand depths."""
+    """Nothing is left but the noise that a fit estimates, from some two thousand depths; and where
+    the scores of a few blocks scatter more than the information says, intervals are wider.
+    """
     plan, true, setting = design.plan(), Vehicle(7935.54, 36.3, 4.04e-6), conditions.setting
     neutral, ratios = replace(setting, neutral_std=0.0, drift_std=0.0, delay_std=0.0), []
     for k in range(12):
@@ -143,5 +165,6 @@ def test_of_the_records_as_they_came_the_covariance_is_reported(design, vehicle,
         size = np.sqrt(np.diag(answer.covariance) / np.diag(expected.covariance))
         assert answer.correlation == pytest.approx(expected.correlation, abs=0.06)
         ratios.append(size * setting.depth_noise / answer.depth_noise)
-    assert np.array(ratios) == pytest.approx(np.ones((12, 3)), abs=0.06)
-    assert np.mean(ratios, axis=0) == pytest.approx(np.ones(3), abs=0.02)
+    assert np.min(ratios) > 0.94
+    assert np.mean(np.array(ratios) < 1.06) > 0.9
+    assert np.median(ratios, axis=0) == pytest.approx(np.ones(3), abs=0.02)

@@ -133,7 +133,7 @@ def test_what_is_known_of_a_vehicle_is_not_in_doubt(vehicle, question):
 
 
 def test_the_library_has_steps_and_to_and_fro_that_the_stroke_allows(conditions):
-    _, setting, limits = conditions
+    _, setting, limits, _ = conditions
     families = releases(conditions)
     least, *_, most = sizes(conditions)
     assert 4 * setting.neutral_std <= least < 5e-6

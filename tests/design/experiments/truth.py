@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -50,17 +51,19 @@ def depths(vehicle, volume, start, h, *, neutral=0.0, speed=0.0, drift=0.0, dept
     return start + lfilter(b[0], a, u) + free.real
 
 
-def run(plan, one, vehicle, rng, *, noise, quantum, neutral, drift=0.0):
+def run(plan, one, vehicle, rng, *, noise, quantum, neutral, drift=0.0, late=0.0):
     """Return (time, depth as measured, volume) of an experiment of a plan, as its page says it.
 
-    What happens is decided on measured depths, as in a pool. neutral: the error of the neutral
-    volume at the release; drift: its rate [m3/s].
+    What happens is decided on measured depths, as in a pool. The motor knows one speed, and a move
+    begins at any time between two samples. neutral: the error of the neutral volume at the
+    release; drift: its rate [m3/s]; late: the stamps of volumes [s].
     """
     h = plan.sample_time
-    step = vehicle.stepper(h)
+    step = cache(vehicle.stepper)
     first = math.ceil(plan.rest / h - 1e-9)
+    corners = [(-1.0, 0.0)]
     x = np.array([0.0, 0.0, 0.0, 0.0, neutral - drift * first * h, drift])
-    moves, target, begun, was_here = list(one.moves), 0.0, -1, False
+    moves, target, begun, was_here, wait = list(one.moves), 0.0, -1, False, 0.0
     rows, clear = [], {"shallowest": False, "deepest": False}
     for k in range(first + math.ceil(one.longest / h) + 1):
         seen = one.start_depth + x[0] + rng.normal(scale=noise)
@@ -81,10 +84,17 @@ def run(plan, one, vehicle, rng, *, noise, quantum, neutral, drift=0.0):
                 was_here |= not beyond
                 due = beyond and was_here
             if due:
-                target, begun, was_here = move.volume, k, False
+                target, begun, was_here, wait = move.volume, k, False, h * rng.random()
                 moves.pop(0)
-        rows.append((k * h, seen, x[2]))
-        gap = target - x[2]
-        x[3] = math.copysign(min(abs(gap) / h, RATE), gap)
-        x = step @ x
-    return np.array(rows).T
+        rows.append((k * h, seen))
+        gap, now = target - x[2], k * h
+        going = min(h - wait, abs(gap) / RATE)
+        for span, rate in ((wait, 0.0), (going, math.copysign(RATE, gap)), (h - wait - going, 0.0)):
+            if span > 0.0:
+                x[3] = rate
+                x = step(span) @ x
+                now += span
+                corners.append((now, x[2]))
+        wait = 0.0
+    time, depth = np.array(rows).T
+    return time, depth, np.interp(time - late, *np.array(corners).T)

@@ -11,7 +11,7 @@ from studies.benches import Motor, random_moves
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.actuator import identify_actuator
 from swimbladder.estimation.motion import Prior, identify, run
-from swimbladder.estimation.motion.diagnose import directions, single_gains
+from swimbladder.estimation.motion.diagnose import Curvature, directions, single_gains
 from swimbladder.estimation.motion.fit import fit
 from swimbladder.estimation.motion.run import profile
 from swimbladder.io.config import load_vehicle
@@ -106,7 +106,7 @@ def test_the_direction_that_is_not_told_is_the_one_of_the_model():
     """Without psi, gravity or drag in play only rho g/m is told: K2/T2, not their product."""
     log = pool_log(20e-6, longest=8.0, step=0.1, rest=1.0)
     problem = problem_of([log], ("K2", "T2"), fixed={"psi": 4.04e-6})
-    known, unknown = directions(problem, fit(problem))
+    known, unknown = directions(problem, Curvature.of(problem, fit(problem)))
     assert abs(float(unknown.parts.sum())) > 0.97 * math.sqrt(2.0)
     assert unknown.std > 4.0 * known.std
 

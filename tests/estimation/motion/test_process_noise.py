@@ -12,13 +12,13 @@ from scipy.stats import binom
 
 from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
-from swimbladder.estimation.motion import Prior, identify
+from swimbladder.estimation.motion import DRIFT_STD, Prior, identify
 from swimbladder.estimation.motion.problem import Assumed, posed
 from swimbladder.estimation.motion.process_noise import fit_process_noise, highest_with_noise
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.logs import Log
+from tests.estimation.motion.pool import G, trace
 from tests.estimation.motion.pool import campaign as pool_campaign
-from tests.estimation.motion.pool import trace
 from tests.quoted import refused
 
 VEHICLE = load_vehicle("feup-em")
@@ -263,3 +263,34 @@ def test_a_drift_that_is_assumed_is_in_the_intervals(seed):
     found = identify([log], VEHICLE, **quick).parameters["psi"]
     assert abs(found.value - truth["psi"]) < 3.0 * found.std
     assert found.std < 0.2e-6
+
+
+@cache
+def drifting(rate):
+    """Return records without process noise, whose neutral volumes drift steadily by a rate."""
+    found = []
+    for k in range(3):
+        record, _ = made(800 + k, random_walk=0.0, acceleration=0.0, n=400, neutral_std=0.0)
+        time = record.time
+        truth = {"m": G * TRUTH["T2"] / TRUTH["K2"], "k_dl": G / TRUTH["K2"], "psi": TRUTH["psi"]}
+        noise = np.random.default_rng(900 + k).normal(scale=NOISE, size=len(time))
+        depth = trace(time, record.volume - rate * time, z0=40.0, **truth) + noise
+        found.append(replace(record, depth=depth))
+    return found
+
+
+def test_a_steady_drift_is_no_process_noise():
+    """Drift of two deviations of its prior over four minutes: a walk without a drift of its own."""
+    rate = 2.0 * DRIFT_STD
+    steady = walked(drifting(rate), drift_std=DRIFT_STD)
+    assert steady.p_any > 0.01
+    walks = walked(drifting(rate), drift_std=0.0)
+    assert walks.p_value < 1e-6
+    for name, true in TRUTH.items():
+        e = steady.estimates[name]
+        assert abs(e.value - true) < 3.5 * e.std
+        assert e.std < walks.estimates[name].std
+    for record, track in zip(drifting(rate), steady.tracks, strict=True):
+        went, C = np.diff(track.smoothed[[0, -1], 2]).item(), track.covariance[[0, -1], 2, 2]
+        assert abs(went - rate * record.time[-1]) < 3.5 * math.sqrt(C.sum())
+        assert math.sqrt(C.sum()) < 0.5 * rate * record.time[-1]

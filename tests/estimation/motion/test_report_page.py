@@ -220,7 +220,7 @@ def test_a_walk_is_told_with_how_far_it_went():
     read, _ = page_of(found)
     assert "Process noise" in read.text
     after_a_minute = 1e6 * found.process_noise.noises["random_walk"].value * 60.0**0.5  # cm3
-    shown = re.search(r"random walk of (\S+) cm", read.text).group(1)
+    shown = re.search(r"random walk.*?, 1 sigma (\S+) cm", read.text).group(1)
     assert float(shown) == pytest.approx(after_a_minute, rel=0.06, abs=1e-4)
     for went in found.process_noise.travelled:
         assert f"{1e6 * went:.2g}" in read.text or went < 1e-9

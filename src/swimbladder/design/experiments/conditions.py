@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -27,9 +27,7 @@ from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
 from swimbladder.estimation.motion.fit import fit, inverse_of
 from swimbladder.estimation.motion.problem import (
-    DELAY,
     DRIFT,
-    LEAST_STD,
     NAMES,
     VOLUME,
     Assumed,
@@ -37,6 +35,12 @@ from swimbladder.estimation.motion.problem import (
     Model,
     Problem,
     Segment,
+)
+from swimbladder.estimation.motion.process_noise import (
+    EARLY_STD,
+    NUISANCES,
+    Likelihood,
+    with_known_noise,
 )
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.dynamics import Plant, plant
@@ -240,10 +244,12 @@ def _passed(depth: Array, since: int, place: float, *, up: bool) -> int | None:
     return since + int(np.argmax(crossed)) if crossed.any() else None
 
 
-def experiment_of(flight: Flight, name: str) -> Experiment:
-    """Return a flight as `identify` takes a log of it."""
+def experiment_of(flight: Flight, name: str, base: Plant) -> Experiment:
+    """Return a flight as `identify` takes a log of it; base: the plant of the vehicle's file."""
     t, z, V, start = flight.time, flight.depth, flight.volume, flight.release.start
-    record = Record(drive="volume", time=t, depth=z, volume=V, compared=np.ones(len(t), np.bool_))
+    volume = V + base.V_0 + base.psi * start
+    compared = np.ones(len(t), np.bool_)
+    record = Record(drive="volume", time=t, depth=z, volume=volume, compared=compared)
     whole = Segment(0, len(t) - 1, start, 0.0)
     return Experiment(name, record, V, ramps=True, segments=(whole,), reference=start, neutral=0.0)
 
@@ -275,18 +281,21 @@ class Question(NamedTuple):
         return {**self.model.values, **self.fixed, **means}
 
     def prior(self, setting: Setting) -> Array:
-        """Return what is known beforehand, as information about shares and delay [p + 1, p + 1]."""
+        """Return what is known beforehand, as information about the shares and `NUISANCES`."""
         std = [self.priors[name].std if name in self.priors else math.inf for name in self.names]
-        delay = DELAY / max(setting.delay_std, LEAST_STD * DELAY)
-        return np.diag(np.append(self.sizes(self.names) / std, delay) ** 2)
+        others = [setting.delay_std / NUISANCES[0].scale, EARLY_STD] * (setting.delay_std > 0.0)
+        return np.diag(np.append(std / self.sizes(self.names), others) ** -2.0)
 
 
 class Conditions(NamedTuple):
-    """All that a design depends on: what is asked, the pool, and what the actuator does there."""
+    """All that a design depends on: what is asked, the pool, what the actuator does there, and the
+    vehicle as its file has it.
+    """
 
     question: Question
     setting: Setting
     ramps: Ramps
+    vehicle: Vehicle
 
 
 def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Problem:
@@ -294,40 +303,39 @@ def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Prob
     held = c.question.fixed | fixed
     names = tuple(name for name in c.question.names if name not in held)
     priors = {name: p for name, p in c.question.priors.items() if name in names}
-    experiments = [experiment_of(flight, f"release {k}") for k, flight in enumerate(flights, 1)]
-    setting = c.setting
+    setting, base = c.setting, c.question.model.base
+    experiments = [experiment_of(f, f"release {k}", base) for k, f in enumerate(flights, 1)]
     assumed = Assumed(
         held, priors, setting.neutral_std, drift_std=setting.drift_std, delay_std=setting.delay_std
     )
     return Problem(experiments, c.question.model, names, assumed)
 
 
-def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Array:
-    """Return what a record says [p + 1, p + 1] of the vehicle that has these values.
+def _likelihood(
+    problem: Problem, values: Mapping[str, float], c: Conditions
+) -> tuple[Likelihood, Array]:
+    full, x = with_known_noise(problem, c.vehicle, c.setting.noise, values)
+    full.quantum = c.setting.quantum
+    return full, x
 
-    Of the shares, and last of how late the stamps of volumes are, in units of DELAY: the record's
-    own neutral volume, its drift and its start follow them.
+
+def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Array:
+    """Return what a record says [q, q] of the vehicle that has these values.
+
+    Of the shares, and last of `NUISANCES`, which all records share: the record's own neutral
+    volume, its drift and its start follow them.
     """
-    question, setting = c.question, c.setting
-    p = len(question.names)
+    question = c.question
     if len(flight.time) < FEWEST:
-        return np.zeros((p + 1, p + 1))
-    problem = problem_of([flight], c._replace(question=question._replace(priors={})))
-    x = problem.begin(values)
-    per_share = [
-        1.0 if log else question.size(name) / scale
-        for name, log, scale in zip(question.names, problem.logarithmic, problem.scale, strict=True)
-    ]
-    J = problem.slope(x) / setting.depth_noise
-    J[:, :p] *= per_share
-    of_all = [*range(p), problem.delay_at]
-    own = [i for i in range(len(x)) if i not in of_all]
-    known = problem.prior_rows(x)[1][:, own]
-    inner = J[:, own].T @ J[:, own] + known.T @ known
-    across = J[:, of_all].T @ J[:, own]
-    # What is left of the others' columns, once the record's own entries follow them.
-    back = np.linalg.solve(inner + 1e-12 * np.diag(np.diag(inner)), across.T)
-    gain = J[:, of_all].T @ J[:, of_all] - across @ back
+        return np.zeros_like(question.prior(c.setting))
+    problem = problem_of([flight], c)
+    full, x = _likelihood(problem, values, c)
+    H, n, p = full.scores(x)[1], len(full.quantities), problem.shared
+    per = np.ones(n)
+    per[:p] = np.where(problem.logarithmic, 1.0, question.sizes(question.names) / problem.scale)
+    # What is left of the others' information, once the record's own drift follows them.
+    across, own = H[:n, n:], H[n:, n:] + np.eye(full.drifts)
+    gain = (H[:n, :n] - across @ np.linalg.solve(own, across.T)) * np.outer(per, per)
     return np.asarray(0.5 * (gain + gain.T))
 
 
@@ -378,6 +386,9 @@ def vehicles(question: Question, covariance: Array) -> list[dict[str, float]]:
     return found
 
 
+_SLIGHT = 0.1  # of the depths' noise, a change that the likelihood is linear in
+
+
 class OmittedVariable(NamedTuple):
     """A bias in shares of the parameters, by name: linearised, and by a refit where one is made.
 
@@ -392,8 +403,8 @@ class OmittedVariable(NamedTuple):
 def without_psi(flights: Sequence[Flight], c: Conditions) -> OmittedVariable | None:
     """Return what happens to the others if psi is taken for 0; None where it is, or all there is.
 
-    The linearised bias is J^+ times what psi does to the depths; the refit is the fit of
-    `identify`, of records with noise.
+    The linearised bias is what a step of the fit makes of what psi does to the depths; the refit is
+    a fit that takes volumes as exact, of records with noise.
     """
     question = c.question
     if question.values["psi"] == 0.0 or set(question.names) <= {"psi"}:
@@ -434,10 +445,21 @@ def without_drift(flights: Sequence[Flight], c: Conditions) -> OmittedVariable:
 
 def _linear(problem: Problem, x: Array, effect: Array, c: Conditions) -> dict[str, float]:
     """Return by how much a change of the depths [m] moves each parameter, in shares."""
-    J, noise = problem.slope(x), c.setting.depth_noise
-    rows = np.concatenate([J / noise, problem.prior_rows(x)[1]])
-    size = np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
-    step = (np.linalg.pinv(rows / size) / size[:, None])[:, : len(J)] @ (effect / noise)
+    depth, values = problem.predict(x), problem.named(x)
+    by = _SLIGHT * c.setting.depth_noise / max(float(np.abs(effect).max()), 1e-300)
+
+    def pull(sign: float) -> tuple[Array, Array]:
+        """Return where the likelihood of moved depths would rise, and its information."""
+        moved = np.split(depth + sign * by * effect, problem.rows[1:-1])
+        each = zip(problem.experiments, moved, strict=True)
+        records = [replace(e, record=replace(e.record, depth=depth)) for e, depth in each]
+        there = Problem(records, problem.model, problem.names, problem.assumed)
+        full, at = _likelihood(there, values, c)
+        slopes, H = full.scores(at)
+        return slopes.sum(axis=0), H + np.diag(full.prior_slope(at)[1])
+
+    (above, H), (below, _) = pull(1.0), pull(-1.0)
+    step = inverse_of(H) @ (above - below) / (2.0 * by)
     return _by_name(problem, step[: problem.shared] * problem.per_entry(x), c)
 
 
@@ -453,8 +475,8 @@ class Prediction:
 
     parameters: as `identify` will report them, its standard deviations and intervals. sources: the
     shares of the variance that are due to the depths' noise, to the neutral volumes, their drift,
-    how late the volumes' stamps are, and to what was known before. share: the standard deviation as
-    a share of the parameter. open: what the records leave open.
+    how late the volumes' stamps are, how they go between these, and to what was known before.
+    share: the standard deviation as a share of the parameter. open: what the records leave open.
     """
 
     names: tuple[str, ...]
@@ -475,13 +497,13 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     """Return the predicted errors of the records of these flights, all fitted together."""
     problem = problem_of(flights, c)
     names, values, p = problem.names, c.question.values, problem.shared
-    x = problem.begin(values)
-    J, noise = problem.slope(x), c.setting.depth_noise
-    data, P = J.T @ J / noise**2, problem.prior_rows(x)[1]
-    C = inverse_of(data + P.T @ P)
-    covariance = C[:p, :p] * np.outer(problem.per_entry(x), problem.per_entry(x))
+    full, x = _likelihood(problem, values, c)
+    H, known = full.scores(x)[1], full.prior_slope(x)[1]
+    C, per = inverse_of(H + np.diag(known)), problem.per_entry(x)
+    covariance = C[:p, :p] * np.outer(per, per)
     stds = np.sqrt(np.diag(covariance)).tolist()
     shares = np.array(stds) / c.question.sizes(names)
+    H[p:, p:] += np.diag(known[p:])
     return Prediction(
         names=names,
         parameters={
@@ -489,24 +511,43 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
             for name, std, log in zip(names, stds, problem.logarithmic, strict=True)
         },
         covariance=covariance,
-        sources=_sources(problem, C, data, P),
+        sources=_sources(full, x, p, known, C),
         share=dict(zip(names, shares.tolist(), strict=True)),
-        open=tuple(not_identifiable(problem, Curvature(x, C, data))),
+        open=tuple(not_identifiable(problem, Curvature(x, C, H))),
     )
 
 
-def _sources(problem: Problem, C: Array, data: Array, P: Array) -> dict[str, dict[str, float]]:
-    """Return each variance's shares: C = C (data + priors) C, a sum over what the errors are of."""
-    prior, own = np.split(P, [len(problem.priors)])
-    entry, drift, delay = np.abs(own).argmax(axis=1), problem.first_drift, problem.delay_at
-    rows = {"neutral volume": own[entry < problem.first_start], "prior": prior}
-    rows |= {"drift": own[(entry >= drift) & (entry < delay)], "delay": own[entry == delay]}
-    parts = {"noise": data, **{source: known.T @ known for source, known in rows.items()}}
-    variance = {source: np.diag(C @ part @ C) for source, part in parts.items()}
-    whole = np.sum(list(variance.values()), axis=0)
+_MORE = 1.001  # times an error, that a variance is seen to grow by
+
+
+def _sources(
+    full: Likelihood, x: Array, p: int, known: Array, C: Array
+) -> dict[str, dict[str, float]]:
+    """Return each variance's shares: by how much of itself it grows with the square of an error.
+
+    They are 1 in all; the depths' noise has what is left of that.
+    """
+    variance, n = np.diag(C)[:p], len(full.quantities)
+    parts = (C[:p] ** 2 * known / variance[:, None]).T  # of each prior
+    delay, early = parts[p:n] if n > p else np.zeros((2, p))
+
+    def grown(**changes: Any) -> Array:
+        """Return the share of an error that is a little larger with these changes."""
+        H = full.changed(**changes).scores(x)[1] + np.diag(known)
+        return (np.diag(inverse_of(H))[:p] / variance - 1.0) / (_MORE**2 - 1.0)
+
+    off = tuple(s._replace(volume_error=_MORE**2 * s.volume_error) for s in full.samples)
+    found = {
+        "neutral volume": grown(neutral_std=_MORE * full.neutral_std) * full.known,
+        "prior": parts[:p].sum(axis=0),
+        "drift": parts[n:].sum(axis=0),
+        "delay": delay,
+        "between samples": early + grown(samples=off),
+    }
+    found = {"noise": 1.0 - sum(found.values()), **found}
     return {
-        name: {source: float(v[i] / whole[i]) for source, v in variance.items()}
-        for i, name in enumerate(problem.names)
+        q.name: {source: float(part[i]) for source, part in found.items()}
+        for i, q in enumerate(full.quantities[:p])
     }
 
 
@@ -549,7 +590,7 @@ def evaluate(
     """Return a set of releases with all that can be said of it beforehand."""
     names, values = c.question.names, c.question.values
     flights, *others = (tuple(follow(r, v, c) for r in releases) for v in (values, *vehicles))
-    shares = [_after(f, v, c)[-1] for f, v in zip(others, vehicles, strict=True)]
+    shares = [shares_after(f, v, c)[-1] for f, v in zip(others, vehicles, strict=True)]
     return EvaluatedSet(
         releases=tuple(releases),
         flights=flights,
@@ -559,7 +600,7 @@ def evaluate(
         spread={n: (min(s), max(s)) for n, *s in zip(names, *shares, strict=True)},
         after=tuple(
             {name: s if s < _NOT_YET else None for name, s in zip(names, row, strict=True)}
-            for row in _after(flights, values, c)
+            for row in shares_after(flights, values, c)
         ),
         partial=tuple(sum(not f[k].complete for f in others) for k in range(len(releases))),
         psi=without_psi(flights, c),
@@ -568,7 +609,7 @@ def evaluate(
     )
 
 
-def _after(
+def shares_after(
     flights: Sequence[Flight], values: Mapping[str, float], c: Conditions, times: float = 1.0
 ) -> list[list[float]]:
     """Return the shares of all parameters after each of the records, each made so many times."""
@@ -577,7 +618,7 @@ def _after(
     gain, p = np.zeros_like(known), len(c.question.names)
     for flight in flights:
         gain += times * fisher_information(flight, values, c)
-        C = np.linalg.inv(gain + known + 1e-9 * np.eye(p + 1))
+        C = np.linalg.inv(gain + known + 1e-9 * np.eye(len(known)))
         found.append(np.sqrt(np.diag(C)[:p]).tolist())
     return found
 
@@ -614,7 +655,7 @@ def curve(c: Conditions, sizes: tuple[float, float], time: float) -> Curve:
             release = Release.to_and_fro(start, volumes[:moves], turns[: moves - 1])
             flights.append(follow(release, values, c))
         times = time / sum(f.duration + setting.settling for f in flights)
-        return max(_after(flights, values, c, times)[-1])
+        return max(shares_after(flights, values, c, times)[-1])
 
     steps, fro = (np.array([largest(size, n) for size in grid.tolist()]) for n in (1, 2))
     return Curve(sizes=grid, steps=steps, to_and_fro=fro)

@@ -146,6 +146,7 @@ _SOURCES = {
     "neutral volume": "the error of the neutral volumes",
     "drift": "a drift of the neutral volumes",
     "delay": "how late the volumes are stamped",
+    "between samples": "how the volumes go between their samples",
     "prior": "what was known before",
 }
 
@@ -157,9 +158,9 @@ def _limits(name: str, chosen: EvaluatedSet, stretched: Mapping[str, float]) -> 
     words = [f"{what} ({100.0 * x:.0f} % of the variance)" for what, x in listed if x > 0.1]
     ratio = stretched[name] / prediction.share[name]
     travel = ", and the travel" if ratio < 0.75 else ""
-    then = f"{percent(stretched[name])} instead of {percent(prediction.share[name])}"
-    limit = f"{name} is limited by {' and '.join(words)}{travel}"
-    return Finding("limit", "note", f"{limit}: with half as much travel again {then}.")
+    more = f"{percent(stretched[name])} instead of {percent(prediction.share[name])}"
+    then = f": with half as much travel again {more}" if ratio < 1.0 else ""
+    return Finding("limit", "note", f"{name} is limited by {' and '.join(words)}{travel}{then}.")
 
 
 def _sizes(curve: Curve) -> Finding:

@@ -167,7 +167,7 @@ def design_experiment(
         limits = ramps(vehicle, s)
         remedy = "Give the share by which the vehicle may be off, like 30%"
         check_number(uncertainty, "uncertainty", least=0.0, most=1.0, remedy=remedy)
-        c = Conditions(question, s, limits)
+        c = Conditions(question, s, limits, vehicle)
         others = vehicles(question, covariance_of(question, vehicle, uncertainty))
         judged = criterion_of(criterion, question.names)
         finder = Search(conditions=c, vehicles=others, judge=judged)

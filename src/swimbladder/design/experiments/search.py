@@ -288,8 +288,8 @@ class Search:
         """Return the information of all candidates."""
         found = zip(*(self.of(release) for release in candidates), strict=True)
         gain, cost, _ = (np.array(values) for values in found)
-        question, setting = self.conditions.question, self.conditions.setting
-        prior, p = question.prior(setting), len(question.names)
+        question = self.conditions.question
+        prior, p = question.prior(self.conditions.setting), len(question.names)
         return Table(gain=gain, cost=cost, prior=prior, parameters=p, judge=self.judge)
 
     def learn(self, family: Sequence[Release]) -> None:

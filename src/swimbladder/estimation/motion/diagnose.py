@@ -267,23 +267,29 @@ class Direction(NamedTuple):
 
 
 class Curvature(NamedTuple):
-    """What data say of x, of a fit or of one that is predicted, as `Fit` has it."""
+    """What is known of x, of a fit or of one that is predicted: the vehicle's parameters first.
+
+    information: without the priors of these.
+    """
 
     x: Array
     covariance: Array
-    data: Array
+    information: Array
+
+    @classmethod
+    def of(cls, problem: Problem, fit: Fit) -> "Curvature":
+        """Return that of a fit."""
+        own = problem.prior_rows(fit.x)[1][len(problem.priors) :]
+        return cls(fit.x, fit.covariance, fit.data + own.T @ own)
 
 
-def directions(problem: Problem, fit: Fit | Curvature) -> list[Direction]:
+def directions(problem: Problem, known: Curvature) -> list[Direction]:
     """Return the directions of the vehicle's parameters, best known first.
 
     From the singular values of the sensitivity, everything that belongs to single experiments
     eliminated, with the priors of the neutral volumes and without those of the parameters.
     """
-    p = problem.shared
-    _, P = problem.prior_rows(fit.x)
-    own = P[len(problem.priors) :]
-    D = fit.data + own.T @ own
+    p, D = problem.shared, known.information
     size = np.sqrt(np.maximum(np.diag(D), 1e-300))
     D = D / np.outer(size, size)
     inner = D[p:, p:] + 1e-13 * np.eye(len(D) - p)
@@ -293,11 +299,11 @@ def directions(problem: Problem, fit: Fit | Curvature) -> list[Direction]:
     return [Direction(vectors[:, i], float(stds[i])) for i in range(p - 1, -1, -1)]
 
 
-def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding]:
+def not_identifiable(problem: Problem, known: Curvature) -> Iterator[Finding]:
     """Yield a finding of severity no for every question that data and priors leave open."""
     p = problem.shared
-    std = np.sqrt(np.diag(fit.covariance)[:p])
-    values = problem.named(fit.x)
+    std = np.sqrt(np.diag(known.covariance)[:p])
+    values = problem.named(known.x)
     limits = np.array([limit(problem, values, i) for i in range(p)])
     left = {i for i in range(p) if std[i] > limits[i]}
 
@@ -308,7 +314,7 @@ def not_identifiable(problem: Problem, fit: Fit | Curvature) -> Iterator[Finding
         found = Finding.of("motion", "not identifiable", what=what, remedy=_remedy(names, problem))
         return found._replace(kind="trade-off") if len(names) > 1 else found
 
-    for direction in reversed(directions(problem, fit)) if left else ():
+    for direction in reversed(directions(problem, known)) if left else ():
         scaled = np.abs(direction.parts) / limits
         parts = np.flatnonzero(scaled > _PART * scaled.max()).tolist()
         if left.isdisjoint(parts) or direction.std * float(scaled.max()) < 0.5:

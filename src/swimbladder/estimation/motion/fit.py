@@ -351,12 +351,8 @@ _ASTRAY = 4.0  # times the noise, a residual of a model that does not follow
 _CLEAN = 1.0  # of the residuals, against the noise of neighbours: there is nothing better to find
 _OF_70 = 0.5565  # root mean square of a normal variable of deviation 1 without its largest 30 %
 _FINEST = 1e-4  # m, below which no sensor measures
-_BEHIND, _OF_EACH = 10.0, 3.0  # of log likelihood, behind the filter's; and of each record more
-# What the numbers of a record's own (neutral volume, drift, depth, speed) may gain: they are known
-# some 30 times better after it than before, which a filter's likelihood has in it and a fit's not.
 # Information on an entry of x of which data and priors say nothing: a deviation of a million.
 _NOTHING = 1e-12
-_OWN_NUMBERS = 4.0 * math.log(30.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -402,20 +398,6 @@ def compared(problem: Problem, starts: list[Array], *, briefly: bool) -> Ended:
     briefly: after a few rounds of weights.
     """
     return _best_of(problem, starts, _FEW_ROUNDS if briefly else _ROUNDS, _COARSE)
-
-
-def followed(problem: Problem, begin: Array, noise: float) -> tuple[Array, float] | None:
-    """Return x where the model follows the records from their starts on, and how likely it is.
-
-    begin: near which it is sought; noise [m]: of the depth. None where the residual is more.
-    """
-    found = (_solve(problem, x, _FEW_ROUNDS, _FINE) for x in _begins(problem, [begin]))
-    x, *_, left, objective = min(found, key=lambda one: one.objective)
-    behind = float((np.diff(problem.rows) * np.log(np.maximum(left, _FINEST) / noise)).sum())
-    if behind > _BEHIND + _OF_EACH * len(left):
-        return None
-    own = -0.5 * (objective + problem.rows[-1] * math.log(2.0 * math.pi))
-    return x, own - _OWN_NUMBERS * len(left)
 
 
 def _best_of(problem: Problem, starts: list[Array], rounds: int, fine: float) -> Ended:

@@ -44,7 +44,6 @@ from swimbladder.estimation.kalman import (
 )
 from swimbladder.estimation.motion.fit import inverse_of, regression
 from swimbladder.estimation.motion.problem import (
-    DELAY,
     DEPTH,
     DRIFT,
     NAMES,
@@ -55,7 +54,7 @@ from swimbladder.estimation.motion.problem import (
 )
 from swimbladder.estimation.series import Index
 from swimbladder.io.answers import as_json
-from swimbladder.physics.arrays import Array, Flags
+from swimbladder.physics.arrays import Array
 from swimbladder.vehicle import Vehicle
 
 _SPEED_STD = 0.1  # m/s, of the speed at a start: nothing is known
@@ -106,15 +105,18 @@ _CORRELATION_TIME = Prior(3.0, 3.0)  # s: else noise would be white, or an offse
 _DELAY = Quantity("volume_delay", False, 0.1, 0.0)  # s, by which the volume's stamps are late
 EARLY = Quantity("early_moves", False, 1.0, 0.0)  # share; see `record.early_moves`
 EARLY_STD = 0.8
+NUISANCES = (_DELAY, EARLY)  # of all records, beside parameters and noise
 _HEAT = Quantity("hull_gain", False, 1e-6, 0.0)  # m3/K, of the hull beyond the vehicle's file's
 _LAG = Quantity("hull_lag", False, 100.0, 50.0, (0.0, 100.0))  # s, time constant of the hull
 _LAG_STD = 200.0  # s
 
 
 class Likelihood:
-    """The log posterior of quantities x given several records.
+    """The log posterior of x given several records.
 
-    quantities: what is estimated, names of the model and of NOISES; values: what is held, SI.
+    quantities: what is estimated, names of the model and of NOISES; values: what is held, SI. x has
+    them in their order, and then each record's drift of the neutral volume, in deviations of its
+    prior, where there is one.
     """
 
     def __init__(
@@ -136,11 +138,11 @@ class Likelihood:
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std, self.drift_std = problem.speed_std, problem.drift_std
-        self.drift = 0.0  # m3/s, of the neutral volumes
         self.driven: dict[tuple[float, ...], list[tuple[Samples, Index]]] = {}  # see `_driven`
         whole = stroke.maximum - stroke.minimum
         self.neutral_std = problem.neutral_std if self.known else _SHARE * whole
         self.records = tuple(e.record for e in problem.experiments)
+        self.drifts = len(self.records) * (self.drift_std > 0.0)
         self.early = [early_moves(record) for record in self.records]
         parts = [(i, e.segments) for i, e in enumerate(problem.experiments)]
         self.record = np.array([i for i, segments in parts for _ in segments])  # of each stretch
@@ -152,17 +154,26 @@ class Likelihood:
     def begin(self, values: Mapping[str, float] | None = None) -> Array:
         """Return x at the values to begin with, or at others where they are given."""
         known = values or {}
-        return np.array([q.place(known.get(q.name, q.begin)) for q in self.quantities])
+        shared = [q.place(known.get(q.name, q.begin)) for q in self.quantities]
+        return np.append(shared, np.zeros(self.drifts))
 
     def within(self, x: Array) -> Array:
         """Return the nearest x that can be."""
-        low, high = np.array([q.limits for q in self.quantities]).T
+        limits = [*(q.limits for q in self.quantities), *[(-math.inf, math.inf)] * self.drifts]
+        low, high = np.array(limits).T
         return np.clip(x, low, high)
 
     def named(self, x: Array) -> dict[str, float]:
         """Return all values, estimated and held, by name."""
-        found = {q.name: q.value(float(at)) for q, at in zip(self.quantities, x, strict=True)}
+        shared, _ = self.split(x)
+        found = {q.name: q.value(at) for q, at in zip(self.quantities, shared, strict=True)}
         return {**self.values, **found}
+
+    def split(self, x: Array) -> tuple[list[float], Array]:
+        """Return the quantities' part of x, and the drifts of the neutral volumes [m3/s]."""
+        n = len(self.quantities)
+        drifts = self.drift_std * x[n:] if self.drifts else np.zeros(len(self.records))
+        return x[:n].tolist(), drifts
 
     def noise(self, values: Mapping[str, float]) -> Noise:
         """Return the filter's noise of these values."""
@@ -193,19 +204,19 @@ class Likelihood:
         if not correlated:
             depth = math.hypot(noise.depth, noise.correlated)
             noise = noise._replace(depth=depth, correlated=0.0)
-        for i, (s, rows) in enumerate(self._driven(values)):
+        for i, (s, rows) in enumerate(self._driven(values, self.split(x)[1])):
             if not correlated:
                 s = s._replace(volume_error=as_white(s.time, s.volume_error))
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
-    def _driven(self, values: Mapping[str, float]) -> list[tuple[Samples, Index]]:
+    def _driven(self, values: Mapping[str, float], drifts: Array) -> list[tuple[Samples, Index]]:
         """Return every stretch with the volumes that drive it, and where its samples are in it.
 
         Most quantities do not change these: the last few are kept.
         """
         early, delay, heat, lag = (values[q.name] for q in (EARLY, _DELAY, _HEAT, _LAG))
-        key = (early, delay, heat, lag, self.drift)
+        key = (early, delay, heat, lag, *drifts.tolist())
         found = self.driven.pop(key, None)
         if found is None:
             found = []
@@ -214,7 +225,7 @@ class Likelihood:
                 assert record.volume is not None  # it drives them
                 volume = record.volume + early * self.early[i]
                 s, rows = self._late(stretch, record.time, volume, delay)
-                s = s._replace(volume=s.volume - self.drift * s.time) if self.drift else s
+                s = s._replace(volume=s.volume - drifts[i] * s.time)
                 if record.warmth is not None and adds_warmth(record, record.gain + heat, lag):
                     more = more_warmth(record, record.gain + heat, lag)
                     s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
@@ -271,9 +282,10 @@ class Likelihood:
 
     def prior_slope(self, x: Array) -> tuple[Array, Array]:
         """Return gradient of the priors' log density at x, and minus its second derivatives."""
-        slope, hold = np.zeros(len(x)), np.zeros(len(x))
+        slope, hold = -x, np.ones(len(x))  # of drifts
         for i, q in enumerate(self.quantities):
             prior = self.priors.get(q.name)
+            slope[i] = hold[i] = 0.0
             if prior is not None:
                 width = prior.std / (prior.mean if q.logarithmic else q.scale)
                 slope[i], hold[i] = (q.place(prior.mean) - float(x[i])) / width**2, width**-2
@@ -297,35 +309,37 @@ class Likelihood:
 
     @np.errstate(invalid="ignore", over="ignore")  # of models that no vehicle is
     def scores(self, x: Array, *, central: bool = True) -> tuple[Array, Array]:
-        """Return the gradient [samples, quantities] of every sample's log likelihood at x, and the
-        information [quantities, quantities] of all, priors left out.
+        """Return the gradient [samples, len(x)] of every sample's log likelihood at x, and the
+        information [len(x), len(x)] of all, priors left out.
 
         The information is Fisher's for normal innovations e of variance S, e weighted as it counts:
         the sum of de de'/S + dS dS'/(2 S^2). central: differences to both sides. Where the filter
         starts anew elsewhere than a step aside, the likelihood jumps between, which is no slope.
         """
-        slopes, de, dS = (part[:, : len(x)] for part in self._slopes(x, central=central))
+        slopes, de, dS = self._slopes(x, central=central)
         parts = [(de[a:b], dS[a:b]) for a, b in pairwise(self.ends)]
         return slopes, np.sum([e.T @ e + 0.5 * s.T @ s for e, s in parts], axis=0)
 
+    def changed(self, **changes: Any) -> "Likelihood":
+        """Return the same, but for some of its attributes."""
+        other = copy(self)
+        vars(other).update(driven={}, **changes)  # those kept have errors of volumes in them
+        return other
+
     def _slopes(self, x: Array, *, central: bool) -> tuple[Array, Array, Array]:
         """Return the slopes of every sample's log likelihood, innovation and variance, the last
-        two in deviations and shares: by each entry of x, then by the drift of its record's neutral
-        volume, in deviations of its prior, where there is one.
+        two in deviations and shares, by each entry of x.
         """
         here, began = self._along(x)
-        steps = [(self, h) for h in _STEP * np.eye(len(x))]
-        if self.drift_std > 0.0:
-            drifting = copy(self)
-            drifting.drift = _STEP * self.drift_std
-            steps.append((drifting, np.zeros(len(x))))
+        n, alike = len(self.quantities), np.arange(len(x)) >= len(self.quantities)
+        steps = [*np.eye(len(x))[:n], *[alike] * (self.drifts > 0)]  # a sample has one drift
         slopes, side = np.zeros((*here.shape, len(steps))), np.zeros((here.shape[1], len(steps)))
-        for i, (way, h) in enumerate(steps):
+        for i, h in enumerate(_STEP * np.array(steps)):
             total, sides, lean = np.zeros_like(here), np.zeros(here.shape[1]), side[:, i]
             for sign in (1.0, -1.0):
-                if sign < 0.0 and (i == len(x) or (not central and sides.all())):
+                if sign < 0.0 and (i == n or (not central and sides.all())):
                     break  # the other side is needed only where the likelihood jumps
-                there, again = way._along(x + sign * h)
+                there, again = self._along(x + sign * h)
                 same = (again == began) & np.isfinite(there).all(axis=0)
                 total += np.where(same, sign * (there - here), 0.0)
                 sides += same
@@ -336,7 +350,10 @@ class Likelihood:
         de = np.where(believed, slopes[0] / np.sqrt(S), 0.0)
         dS = np.where(believed, slopes[1] / S, 0.0)
         # a difference to one side is off by half a step of the curvature, which is about minus that
-        return slopes[2] + 0.5 * _STEP * side * (de**2 + 0.5 * dS**2), de, dS
+        parts = (slopes[2] + 0.5 * _STEP * side * (de**2 + 0.5 * dS**2), de, dS)
+        own = self.record_of_samples[:, None] == np.arange(self.drifts)
+        each = [np.hstack([part[:, :n], part[:, n:] * own]) for part in parts]
+        return each[0], each[1], each[2]
 
 
 def _restarts(fate: NDArray[np.int8]) -> Array:
@@ -391,46 +408,33 @@ def without_trace(
 
 
 def covariance(full: Likelihood, x: Array) -> Array:
-    """Return the covariance of x: a sandwich of information and scatter of the scores.
+    """Return the covariance of the quantities: the inverse of their information, what the drifts
+    follow taken off, with the deviations of a sandwich with the scatter of the scores.
 
     The scores are summed over whole records where there are enough of them, which allows for
     records that differ, else over blocks of 20 s. Where there are too few of these too, and where
-    the scatter is smaller than the information says, the information stands. What a drift of
-    each neutral volume would shift is added. A quantity whose
-    logarithm is not identifiable, as of a random walk of 0, has an infinite variance and no part
-    in the others'. Along a combination of which nothing is known the variance is huge.
+    the scatter is smaller than the information says, that stands. Correlations are always of the
+    information: those of so few sums are noise. A quantity whose logarithm is not identifiable, as
+    of a random walk of 0, has an infinite variance and no part in the others'. Along a combination
+    of which nothing is known the variance is huge.
     """
+    n = len(full.quantities)
     scores, H = full.scores(x)
-    H = H + np.diag(full.prior_slope(x)[1])
+    H += np.diag(full.prior_slope(x)[1])
+    follows = np.linalg.solve(H[n:, n:], H[n:, :n])  # the drifts, what is shared
+    scores, H = scores[:, :n] - scores[:, n:] @ follows, H[:n, :n] - H[:n, n:] @ follows
     known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
-    C = np.diag(np.full(len(x), np.inf))
-    bread = inverse = inverse_of(H[np.ix_(known, known)], _SINGULAR)
-    blocks = _blocks(full, len(x))
+    C = np.diag(np.full(n, np.inf))
+    bread = inverse_of(H[np.ix_(known, known)], _SINGULAR)
+    blocks = _blocks(full, n)
     if blocks is not None:
         sums = np.stack([np.bincount(blocks, column) for column in scores[:, known].T], axis=1)
         sums -= sums.mean(axis=0)
         sandwich = bread @ (sums.T @ sums) @ bread * len(sums) / (len(sums) - 1)
-        ratio = np.diag(sandwich) / np.diag(bread)
-        if (ratio > 1.0).any():
-            grow = np.sqrt(np.maximum(ratio, 1.0) / ratio)
-            bread = sandwich * np.outer(grow, grow)
-    if full.drift_std > 0.0:
-        shift, square = _by_drifts(full, x, inverse, known)
-        bread = bread + (shift * square) @ shift.T
+        grow = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(bread), 1.0))
+        bread = bread * np.outer(grow, grow)
     C[np.ix_(known, known)] = bread
     return C
-
-
-def _by_drifts(full: Likelihood, x: Array, inverse: Array, known: Flags) -> tuple[Array, Array]:
-    """Return what each record's drift, one deviation of its prior, shifts [quantities, records],
-    and its mean square given the data, in squares of that deviation.
-    """
-    slopes, de, _ = full._slopes(x, central=True)
-    each = partial(np.bincount, full.record_of_samples)
-    cross = np.stack([each(column * de[:, -1]) for column in de[:, :-1][:, known].T])
-    shift = inverse @ cross
-    left = np.maximum(1.0 + each(de[:, -1] ** 2) - (cross * shift).sum(axis=0), 1.0)
-    return shift, 1.0 / left + (each(slopes[:, -1]) / left) ** 2
 
 
 def _blocks(full: Likelihood, quantities: int) -> Index | None:
@@ -524,14 +528,15 @@ class ProcessNoiseFit:
     not included], random_walk [m3/s^0.5], acceleration [m/s^1.5, white], correlated [m], what of
     the depth's noise is so, over a correlation_time [s]: with intervals. p_value: chance of as
     much evidence for the random walk where the neutral volume stays; p_any: for all noise but the
-    depth's white one. delay: of the volumes' stamps [s]. heat: of the hull, where its temperature
-    was logged. tracks: of each record.
+    depth's white one. white: there is none of that. delay: of the volumes' stamps [s]. heat: of the
+    hull, where its temperature was logged. tracks: of each record.
     """
 
     names: tuple[str, ...]
     estimates: dict[str, Estimate]
     covariance: Array
     noises: dict[str, Estimate]
+    white: bool
     delay: Estimate
     heat: Heat | None
     noise: Noise
@@ -584,6 +589,7 @@ class Highest(NamedTuple):
     p_any: float
     likelihood: Maker
     absent: frozenset[str]  # noises that there are none of
+    white: "Highest | None" = None  # likewise where no noise but the depth's white one is estimated
 
     @property
     def values(self) -> dict[str, float]:
@@ -603,14 +609,14 @@ class Highest(NamedTuple):
 
     @property
     def inexact(self) -> bool:
-        """Whether what volumes may be off by clearly widens an interval, or moves a value."""
-        n, kept = len(self.problem.names), np.ones(len(self.x), bool)
-        exact, x = copy(self.full), self.x.copy()
-        samples = [s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples]
-        exact.driven, exact.samples = {}, tuple(samples)  # those kept have the errors in them
-        for i, q in enumerate(self.full.quantities):
-            if q == EARLY:
-                kept[i], x[i] = False, 0.0
+        """Whether what volumes may be off by clearly widens an interval, or moves a value.
+
+        To be asked of `white`: process noise would stand for what they are off by.
+        """
+        n, early = len(self.problem.names), [q == EARLY for q in self.full.quantities]
+        kept = ~np.pad(early, (0, self.full.drifts))
+        samples = tuple(s._replace(volume_error=0.0 * s.volume_error) for s in self.full.samples)
+        exact, x = self.full.changed(samples=samples), np.where(kept, self.x, 0.0)
         hold = np.diag(self.full.prior_slope(x)[1])
         wide = inverse_of(self.full.scores(self.x)[1] + hold)
         scores, information = exact.scores(x)
@@ -622,19 +628,13 @@ class Highest(NamedTuple):
         return bool(((more > _WIDER * less) | (np.abs(step[:n]) > _MOVES * less)).any())
 
     def begin(self) -> Array:
-        """Return where a fit without process noise begins: by the smoothed states of each record.
-
-        A line through its neutral volume gives error and drift.
-        """
+        """Return where a fit with exact volumes begins: by the smoothed states of each record."""
         problem, values = self.problem, self.values
-        x = problem.begin(values)
-        for j, (e, track) in enumerate(
-            zip(problem.experiments, _tracks(self.full, self.x), strict=True)
-        ):
-            used, time = track.used, e.record.time
-            rate, first = np.polyfit(time[used] - time[0], track.smoothed[used, 2], 1).tolist()
+        x, tracks = problem.begin(values), _tracks(self.full, self.x)
+        x[problem.first_drift : problem.delay_at] = self.full.split(self.x)[1] / DRIFT
+        for j, (e, track) in enumerate(zip(problem.experiments, tracks, strict=True)):
+            first = float(track.smoothed[track.used[0], 2])
             x[problem.shared + j] = e.error(first, values["psi"]) / VOLUME
-            x[problem.first_drift + j] = rate / DRIFT if problem.drift_std > 0.0 else 0.0
             for k, s in enumerate(e.segments):
                 at = problem.starts_at[j] + 2 * k
                 depth, speed = track.smoothed[s.first, :2].tolist()
@@ -654,37 +654,50 @@ def highest_with_noise(
     has no maximum that can be found.
     """
     absent = frozenset({*without, *(("correlation_time",) if "correlated" in without else ())})
-    held = problem.values | {name: NO_NOISE[name] for name in absent}
-    likelihood = partial(Likelihood, problem, vehicle)
-    others = [q for q in NOISES if q.name not in absent] + _nuisances(problem)
-    full = likelihood([*(_quantity(name, problem) for name in problem.names), *others], held)
+    full = _likelihood_of(problem, vehicle, absent)
     x, best = _highest(full, _begins(full, problem))
+    likelihood = partial(Likelihood, problem, vehicle)
     return _tested(Highest(problem, full, x, best, 1.0, 1.0, likelihood, absent))
+
+
+def _likelihood_of(problem: Problem, vehicle: Vehicle, absent: Collection[str]) -> Likelihood:
+    """Return the likelihood of all that is estimated; absent: noises that there are none of."""
+    held = problem.values | {name: NO_NOISE[name] for name in absent}
+    others = [q for q in NOISES if q.name not in absent] + _nuisances(problem)
+    quantities = [*(_quantity(name, problem) for name in problem.names), *others]
+    return Likelihood(problem, vehicle, quantities, held)
 
 
 def _tested(at: Highest) -> Highest:
     """Return where the likelihood is highest with the evidence for the noises there."""
-    full, x, best, likelihood = at.full, at.x, at.height, at.likelihood
-    less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
-    if max(height for _, height in less) > best + _SAME:  # a search had ended on a lesser hill
-        x, best = _highest(full, [x, *(place for place, _ in less)])
-        less = [_without(full, x, likelihood, names) for names in (("random_walk",), _ANY)]
-    chances = [_chance(best - height, n) for (_, height), n in zip(less, (1, 4), strict=True)]
-    return at._replace(x=x, height=best, p_value=chances[0], p_any=chances[1])
-
-
-def raised(at: Highest, near: Array) -> Highest:
-    """Return where the likelihood is highest, or higher beside x of a fit without process noise."""
-    problem, full = at.problem, at.full
-    traces = {name: _NO_MORE * at.values[name] for name in ("random_walk", "acceleration")}
-    values = {**problem.named(near), _DELAY.name: float(near[problem.delay_at]) * DELAY}
-    x, height = _highest(full, [full.within(full.begin({**at.values, **values, **traces}))])
-    return _tested(at._replace(x=x, height=height)) if height > at.height + _SAME else at
+    less = [_without(at, names) for names in (("random_walk",), _ANY)]
+    if max(one.height for one, _ in less) > at.height + _SAME:  # it had ended on a lesser hill
+        x, height = _highest(at.full, [at.x, *(place for _, place in less)])
+        at = at._replace(x=x, height=height)
+        less = [_without(at, names) for names in (("random_walk",), _ANY)]
+    steady, white = (one for one, _ in less)
+    p_any = _chance(at.height - white.height, 4)
+    white = white._replace(p_any=p_any)
+    return at._replace(p_value=_chance(at.height - steady.height, 1), p_any=p_any, white=white)
 
 
 def _nuisances(problem: Problem) -> list[Quantity]:
     """Return what all records have in common beside parameters and noise, where there is any."""
-    return [_DELAY, EARLY] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
+    return [*NUISANCES] * (problem.delay_std > 0.0) + [_HEAT, _LAG] * (problem.heat_std > 0.0)
+
+
+def with_known_noise(
+    problem: Problem, vehicle: Vehicle, depth_noise: float, values: Mapping[str, float]
+) -> tuple[Likelihood, Array]:
+    """Return the likelihood of all but noise, of records without process noise, and x at values.
+
+    depth_noise: of a depth, beside its quantum [m].
+    """
+    sized = zip(problem.names, problem.logarithmic, problem.scale, strict=True)
+    quantities = [*(Quantity(*of, problem.values[of[0]]) for of in sized), *_nuisances(problem)]
+    held = {**problem.values, **NO_NOISE, "depth_noise": depth_noise}
+    full = Likelihood(problem, vehicle, quantities, held)
+    return full, full.begin(values)
 
 
 def fit_process_noise(
@@ -702,7 +715,8 @@ def described(at: Highest) -> ProcessNoiseFit:
     names = at.problem.names
     full, x = without_trace(at.full, at.x, at.likelihood, at.full.values)
     C = covariance(full, x)
-    per = np.array([q.slope(float(place)) for q, place in zip(full.quantities, x, strict=True)])
+    shared, _ = full.split(x)
+    per = np.array([q.slope(place) for q, place in zip(full.quantities, shared, strict=True)])
     std = np.sqrt(np.maximum(np.diag(C), 0.0)) * per
     found: dict[str, Estimate] = {}
     p, values = len(names), full.named(x)
@@ -724,6 +738,7 @@ def described(at: Highest) -> ProcessNoiseFit:
         estimates={name: found[name] for name in names},
         covariance=C[:p, :p] * np.outer(per[:p], per[:p]),
         noises={q.name: found[q.name] for q in NOISES},
+        white=at.absent >= NO_NOISE.keys(),
         delay=found.get(_DELAY.name, Estimate.given(0.0, "s")),
         heat=heat,
         noise=full.noise(values),
@@ -744,39 +759,43 @@ class Height(NamedTuple):
     deviation: Array  # m, that each should have
 
 
-def height_of(problem: Problem, vehicle: Vehicle, begins: Sequence[Mapping[str, float]]) -> Height:
+def height_of(
+    problem: Problem,
+    vehicle: Vehicle,
+    begins: Sequence[Mapping[str, float]],
+    *,
+    white: bool = False,
+) -> Height:
     """Return where another model is most probable.
 
-    begins: values of parameters and noises near which to begin.
+    begins: values of parameters and noises near which to begin; white: there is no noise but the
+    depth's white one.
     """
-    quantities = [*(_quantity(name, problem) for name in problem.names), *NOISES]
-    quantities += _nuisances(problem)
-    full = Likelihood(problem, vehicle, quantities, problem.values)
+    full = _likelihood_of(problem, vehicle, NO_NOISE if white else ())
     near = [full.within(full.begin(values)) for values in begins]
     x, height = _highest(full, [*near, *_begins(full, problem)])
     parts = [(f.innovation, np.sqrt(f.variance)) for f in full.filtered(x)]
     return Height(full.named(x), height, *np.concatenate(parts, axis=1))
 
 
-_NO_MORE = 1e-3  # of a noise, as good as none
 _TRACE = 3.0  # of a logarithm: a twentieth of a noise is as good as none
 _ANY = ("random_walk", "acceleration", "correlated", "correlation_time")
 
 
-def _without(
-    full: Likelihood, x: Array, likelihood: Maker, names: Sequence[str]
-) -> tuple[Array, float]:
-    """Return where the log posterior is highest without some noises, with a trace of these as x of
-    `full`, and how high.
+def _without(at: Highest, names: Sequence[str]) -> tuple[Highest, Array]:
+    """Return where the log posterior is highest without some noises, and x of all with a trace of
+    these there.
     """
+    full, x = at.full, at.x
     gone = [i for i, q in enumerate(full.quantities) if q.name in names]
     others = [q for q in full.quantities if q.name not in names]
-    less = likelihood(others, {**full.values, **{name: NO_NOISE[name] for name in names}})
+    less = at.likelihood(others, {**full.values, **{name: NO_NOISE[name] for name in names}})
     begin = np.delete(x, gone)
     place, height = _highest(less, [begin, _noisier(less, begin)])
     found = x - np.isin(np.arange(len(x)), gone) * _TRACE
     found[np.delete(np.arange(len(x)), gone)] = place
-    return found, height
+    absent = at.absent.union(names)
+    return at._replace(full=less, x=place, height=height, p_value=1.0, absent=absent), found
 
 
 def _chance(gain: float, noises: int) -> float:
@@ -793,7 +812,9 @@ def _chance(gain: float, noises: int) -> float:
 def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:
     """Return how the filter went along each record."""
     runs, smooth = full.filtered(x), full.smoothed(x)
-    values = full.named(x)
+    values, n = full.named(x), len(full.quantities)
+    variance = np.zeros(len(full.records))  # of the drifts
+    variance[: full.drifts] = full.drift_std**2 / (1.0 + np.diag(full.scores(x)[1])[n:])
     found = []
     for i, record in enumerate(full.records):
         n = len(record.time)
@@ -804,15 +825,11 @@ def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:
             at = slice(full.first[j], full.first[j] + len(full.samples[j].time))
             innovation[at], deviation[at] = runs[j].innovation, np.sqrt(runs[j].variance)
             mean[at], spread[at] = smooth[j]
+        mean[:, 2] += full.split(x)[1][i] * record.time  # the filter's goes without its drift
+        spread[:, 2, 2] += variance[i] * record.time**2
         start = full.start(own[0], values, full.noise(values))
         found.append(Track(innovation, deviation, mean, spread, start))
     return tuple(found)
-
-
-def _besides(full: Likelihood) -> tuple[int, list[Quantity]]:
-    """Return the place of the random walk among the quantities, and the others."""
-    names = [q.name for q in full.quantities]
-    return names.index("random_walk"), [q for q in full.quantities if q.name != "random_walk"]
 
 
 def _quantity(name: str, problem: Problem) -> Quantity:
@@ -896,14 +913,16 @@ def _begins(full: Likelihood, problem: Problem) -> Iterator[Array]:
 def _noisier(likelihood: Likelihood, x: Array) -> Array:
     """Return another start: noise of every kind is larger, but the random walk small."""
     shifts = {"random_walk": -2.0, "depth_noise": 1.0, "acceleration": 1.0}
-    return np.asarray(x + [shifts.get(q.name, 0.0) for q in likelihood.quantities])
+    each = [shifts.get(q.name, 0.0) for q in likelihood.quantities]
+    return np.asarray(x + np.pad(each, (0, likelihood.drifts)))
 
 
 def _interval(
     full: Likelihood, x: Array, best: float, chance: float, found: Estimate, likelihood: Maker
 ) -> Estimate:
     """Return the random walk with the interval of its likelihood profile, which may include 0."""
-    at, others = _besides(full)
+    at = [q.name for q in full.quantities].index("random_walk")
+    others = [*full.quantities[:at], *full.quantities[at + 1 :]]
     middle = float(x[at])
     near = {-1.0: np.delete(x, at), 1.0: np.delete(x, at)}  # where the last search to a side ended
 

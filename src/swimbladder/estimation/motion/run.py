@@ -36,6 +36,7 @@ from swimbladder.estimation.estimates import (
 from swimbladder.estimation.kalman import GATE
 from swimbladder.estimation.motion.diagnose import (
     Begins,
+    Curvature,
     against_prior,
     begin_of,
     compared,
@@ -55,7 +56,7 @@ from swimbladder.estimation.motion.diagnose import (
     with_probabilities,
 )
 from swimbladder.estimation.motion.diagnose import choices as list_choices
-from swimbladder.estimation.motion.fit import Fit, followed, inverse_of, white_part
+from swimbladder.estimation.motion.fit import Fit, inverse_of, white_part
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.posterior import sample, sampling_library
 from swimbladder.estimation.motion.problem import (
@@ -80,7 +81,6 @@ from swimbladder.estimation.motion.process_noise import (
     fit_process_noise,
     height_of,
     highest_with_noise,
-    raised,
     with_heat,
 )
 from swimbladder.estimation.motion.result import (
@@ -131,6 +131,7 @@ def with_process_noise(
         for e, track in zip(problem.experiments, fit.tracks, strict=True)
     )
     parameters, contradicted = against_prior(problem, fit.estimates)
+    allowed = [*["has process noise"] * (not fit.white), "has inexact volumes"]
     if "drag_quadratic" in fit.names and problem.model.law == "blended":  # it may be 0
         e = parameters["drag_quadratic"]
         low, high = Estimate.of(e.value, e.std, e.unit).ci95
@@ -150,7 +151,7 @@ def with_process_noise(
         *contradicted,
         *late(fit.delay, problem.delay_std, fit.values[EARLY.name] / EARLY_STD),
         *_recorded(problem, vehicle),
-        _summary(fit),
+        Finding.of("motion", "volumes inexact") if fit.white else _summary(fit),
     ]
     if asked.posterior is not None:
         findings.append(Finding.of("motion", "no draws"))
@@ -183,7 +184,7 @@ def with_process_noise(
         findings=tuple(findings),
         choices=listed,
         profiles={},
-        assumptions=(*assumptions, sentence("motion", "has process noise")),
+        assumptions=(*assumptions, *(sentence("motion", how) for how in allowed)),
         priors=dict(problem.priors),
         neutral_std=problem.neutral_std,
         notes=tuple(dict.fromkeys(note for e in each for note in e.record.notes)),
@@ -204,7 +205,7 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
             {**one.values, **begin_of(other, its, one.values, held=held)}
             for its, one, held in begins
         ]
-        return height_of(other, vehicle, starts)
+        return height_of(other, vehicle, starts, white=fit.white)
 
     parts = [(t.innovation[t.used], t.deviation[t.used]) for t in fit.tracks]
     own = Height(fit.values, fit.log_likelihood, *np.concatenate(parts, axis=1))
@@ -666,11 +667,8 @@ def _contradicts_prior(found: Identification, looser: Identification | None = No
     own = found.process_noise
     if own is None or not own.p_any < SIGNIFICANT:
         return False
-    if looser is None:
-        return True
-    return looser.process_noise is None or (
-        looser.process_noise.log_likelihood > own.log_likelihood + _CLEARLY
-    )
+    other = None if looser is None else looser.process_noise
+    return other is None or other.log_likelihood > own.log_likelihood + _CLEARLY
 
 
 def _sensors(problem: Problem, found: Fit) -> Array:
@@ -687,32 +685,18 @@ def _answer(
     warmer: the problems of a hull whose gain and lag are off by as much as they are not known.
     """
     near: Array | None = None
-    inexact = False
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
         best = highest_with_noise(problem, vehicle)
-        inexact = best.depth_noise >= _NO_SENSORS and best.inexact
-        found = (
-            None
-            if inexact and asked.process_noise == "auto"
-            else followed(problem, best.begin(), best.depth_noise)
-        )
-        if asked.process_noise == "never":
-            near = best.begin() if found is None else found[0]
-        elif found is not None:
-            best = raised(best, found[0])
-            # A filter of an unstable motion corrects itself at every sample, and follows with its
-            # own noise alone what the vehicle does not do by itself. And a drift that goes on
-            # evenly looks like a random walk.
-            significant = best.significant and best.depth_noise >= _NO_SENSORS
-            if asked.process_noise == "auto" and not (significant and best.height > found[1]):
-                near = found[0]
+        mode, noisy = asked.process_noise, best.depth_noise >= _NO_SENSORS
+        if mode == "never" or (mode == "auto" and not (noisy and best.significant)):
+            assert best.white is not None  # it is tested
+            best = best.white
+            near = None if noisy and best.inexact else best.begin()
         if near is None:
             report(0.9)
             said = assumptions(problem, vehicle)
             return with_process_noise(described(best), vehicle, problem, said, asked)
-    answer = _without_process_noise(problem, vehicle, asked, report, near, warmer)
-    exact = (Finding.of("motion", "volumes taken as exact"),) if inexact else ()
-    return replace(answer, findings=(*answer.findings, *exact))
+    return _without_process_noise(problem, vehicle, asked, report, near, warmer)
 
 
 def _without_process_noise(
@@ -733,7 +717,7 @@ def _without_process_noise(
         moved = solve(other, [found.x]).x - found.x
         found = replace(found, covariance=found.covariance + np.outer(moved, moved))
     report(0.35 if asked.choices or asked.profiles else 0.95)
-    findings: list[Finding] = [*not_identifiable(problem, found)]
+    findings: list[Finding] = [*not_identifiable(problem, Curvature.of(problem, found))]
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
         if not findings and (asked.profiles or bent(problem, found, i)):
