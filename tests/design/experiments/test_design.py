@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 import swimbladder as sb
@@ -9,7 +10,9 @@ from swimbladder.design.experiments import design_experiment
 from swimbladder.design.experiments.run import PAPER
 from swimbladder.design.plan import load_plan, plan_file
 from swimbladder.errors import InputError
-from swimbladder.estimation.motion import Prior
+from swimbladder.estimation.motion import Prior, identify
+from tests.design.experiments.days import logs
+from tests.design.experiments.truth import Vehicle
 
 QUICK = {
     "bottom_depth": 4.5,
@@ -51,6 +54,23 @@ def test_the_plan_is_what_was_chosen(design, tmp_path):
         assert one.trace.time[-1] == pytest.approx(one.duration, abs=0.06)
         assert len(one.trace.time) <= 62
     assert [e.name for e in plan.expected] == ["K2", "T2", "psi"]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_is_promised_is_what_a_pool_day_gives(design, vehicle, setting, tmp_path, seed):
+    """A motor that begins between two samples, drifts and late stamps: one likelihood for both."""
+    path = tmp_path / "plan.toml"
+    path.write_text(plan_file(design.plan()), encoding="utf-8")
+    true = Vehicle(7935.54, 36.3, 4.04e-6)
+    measured = logs(load_plan(path), true, np.random.default_rng([23, seed]), setting)
+    answer = identify(measured, vehicle, profiles=False, choices=False)
+    assert any(f.kind == "volumes inexact" for f in answer.findings)
+    for name, promised in design.chosen.prediction.parameters.items():
+        e = answer.parameters[name]
+        assert e.std == pytest.approx(
+            promised.std, rel=0.4
+        )  # noisy depths set moves off a little early
+        assert abs(e.value - promised.value) < 3.5 * e.std
 
 
 def test_warnings_say_what_would_go_wrong(design):

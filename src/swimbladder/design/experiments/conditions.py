@@ -311,26 +311,27 @@ def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Prob
     return Problem(experiments, c.question.model, names, assumed)
 
 
-def _likelihood(
-    problem: Problem, values: Mapping[str, float], c: Conditions
-) -> tuple[Likelihood, Array]:
-    full, x = with_known_noise(problem, c.vehicle, c.setting.noise, values)
+def _likelihood(p: Problem, at: Mapping[str, float], c: Conditions) -> tuple[Likelihood, Array]:
+    full, x = with_known_noise(p, c.vehicle, c.setting.noise, at)
     full.quantum = c.setting.quantum
     return full, x
 
 
-def fisher_information(flight: Flight, values: Mapping[str, float], c: Conditions) -> Array:
+def fisher_information(
+    flight: Flight, values: Mapping[str, float], c: Conditions, *, central: bool = True
+) -> Array:
     """Return what a record says [q, q] of the vehicle that has these values.
 
     Of the shares, and last of `NUISANCES`, which all records share: the record's own neutral
-    volume, its drift and its start follow them.
+    volume, its drift and its start follow them. central: by differences to both sides; to one, it
+    is good to about a percent.
     """
     question = c.question
     if len(flight.time) < FEWEST:
         return np.zeros_like(question.prior(c.setting))
     problem = problem_of([flight], c)
     full, x = _likelihood(problem, values, c)
-    H, n, p = full.scores(x)[1], len(full.quantities), problem.shared
+    H, n, p = full.scores(x, central=central)[1], len(full.quantities), problem.shared
     per = np.ones(n)
     per[:p] = np.where(problem.logarithmic, 1.0, question.sizes(question.names) / problem.scale)
     # What is left of the others' information, once the record's own drift follows them.
@@ -459,8 +460,8 @@ def _linear(problem: Problem, x: Array, effect: Array, c: Conditions) -> dict[st
         return slopes.sum(axis=0), H + np.diag(full.prior_slope(at)[1])
 
     (above, H), (below, _) = pull(1.0), pull(-1.0)
-    step = inverse_of(H) @ (above - below) / (2.0 * by)
-    return _by_name(problem, step[: problem.shared] * problem.per_entry(x), c)
+    step = (inverse_of(H) @ (above - below))[: problem.shared] / (2.0 * by)
+    return _by_name(problem, step * problem.per_entry(x), c)
 
 
 def _by_name(problem: Problem, moved: Array, c: Conditions) -> dict[str, float]:
@@ -502,7 +503,6 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
     C, per = inverse_of(H + np.diag(known)), problem.per_entry(x)
     covariance = C[:p, :p] * np.outer(per, per)
     stds = np.sqrt(np.diag(covariance)).tolist()
-    shares = np.array(stds) / c.question.sizes(names)
     H[p:, p:] += np.diag(known[p:])
     return Prediction(
         names=names,
@@ -512,7 +512,7 @@ def predict(flights: Sequence[Flight], c: Conditions) -> Prediction:
         },
         covariance=covariance,
         sources=_sources(full, x, p, known, C),
-        share=dict(zip(names, shares.tolist(), strict=True)),
+        share=dict(zip(names, (stds / c.question.sizes(names)).tolist(), strict=True)),
         open=tuple(not_identifiable(problem, Curvature(x, C, H))),
     )
 

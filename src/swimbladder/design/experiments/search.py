@@ -302,7 +302,8 @@ class Search:
     def _find(self, release: Release) -> _Tabulated:
         c = self.conditions
         given, *flights = (follow(release, v, c) for v in (c.question.values, *self.vehicles))
-        gain = [fisher_information(*of, c) for of in zip(flights, self.vehicles, strict=True)]
+        each = zip(flights, self.vehicles, strict=True)
+        gain = [fisher_information(*of, c, central=False) for of in each]
         time = max(sum(f.duration / len(flights) for f in flights), given.duration)
         complete = any(f.complete for f in (given, *flights))
         return _Tabulated(np.array(gain), c.setting.settling + time, complete)
