@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -101,18 +101,6 @@ def measured_start(rec: Record, at: int) -> Start:
     return Start(float(parabola[2]), float(parabola[1]))
 
 
-def predict(vehicle: Vehicle, rec: Record, windows: list[Window], start: Start) -> Array:
-    """Return the depth at every sample of the windows [m]; the first starts as `start` says."""
-    depth = np.full_like(rec.depth, np.nan)
-    for window in windows:
-        begin = start
-        if window.first:
-            begin = measured_start(rec, window.first)._replace(drift=start.drift)
-        samples = slice(window.first + (window.first > 0), window.last + 1)
-        depth[samples] = _run(vehicle, rec, window, begin)[0][-len(depth[samples]) :]
-    return depth
-
-
 def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solution | None]:
     """Return depth [m] and volume [m3] at every sample, and the Solution they are from.
 
@@ -153,8 +141,10 @@ def _run(
         solution = drive(vehicle, time=time, volume=moving, **known)
     else:
         solution = drive(vehicle, time=time, voltage=rec.inputs[part], start_volume=begin, **known)
-    pad = (0, len(time) - len(solution.depth))
-    return np.pad(solution.depth, pad, "edge"), np.pad(solution.volume, pad, "edge"), solution
+    depths, volumes, missing = solution.depth, solution.volume, len(time) - len(solution.depth)
+    if missing:
+        depths, volumes = (np.pad(y, (0, missing), "edge") for y in (depths, volumes))
+    return depths, volumes, solution
 
 
 def _afloat(vehicle: Vehicle, volume: float | None) -> float:
@@ -375,6 +365,8 @@ class _Problem:
         self.scale = np.array([FITTABLE[name].scale for name in names])
         found = np.array([first_and_limits(name, vehicle, first) for name in names])
         self.start, self.least, self.most = (found / self.scale[:, None]).T
+        self.measured = cache(partial(measured_start, rec))
+        self.last: tuple[Array, list[Window], Array] | None = None
 
     def begin(self) -> Array:
         begun: Array = self.start.copy()
@@ -384,11 +376,19 @@ class _Problem:
         return begun
 
     def residual(self, q: Array, windows: list[Window]) -> Array:
+        if self.last and self.last[1] is windows and np.array_equal(self.last[0], q):
+            return self.last[2]  # a search asks for the slope where it was last
         changed, start = _apply(self.names, q * self.scale, self.vehicle, self.first)
-        upto = windows[-1].last + 1
-        off = predict(changed, self.rec, windows, start) - self.rec.depth
-        off = off[:upto][self.rec.compared[:upto]]
-        return np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+        rec, upto = self.rec, windows[-1].last + 1
+        off = np.full(upto, np.nan)
+        for window in reversed(windows):  # where two meet, the depth is that of the one before
+            first, last = window
+            begin = self.measured(first)._replace(drift=start.drift) if first else start
+            off[first : last + 1] = _run(changed, rec, window, begin)[0]
+        off = (off - rec.depth[:upto])[rec.compared[:upto]]
+        off = np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+        self.last = (q.copy(), windows, off)
+        return off
 
     def slope(self, q: Array, windows: list[Window]) -> Array:
         here = self.residual(q, windows)

@@ -39,7 +39,7 @@ from swimbladder.sim.closed_loop.solution import (
 )
 from swimbladder.sim.closed_loop.supervision import Supervision
 from swimbladder.sim.closed_loop.water import medium_of
-from swimbladder.sim.engine.chain import balance_steps, base_steps
+from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.rodas.records import Account as FloatAccount
 from swimbladder.vehicle import Vehicle
 from swimbladder.vehicle.schema import check_choice, no_such
@@ -284,8 +284,9 @@ def simulate_ensemble(
     w0 = spread(start_speed, count, "start_speed", "m/s")
     check_starts(lanes, z0, V0)
     start = np.stack([np.zeros(count), V0, z0, w0])
-    steps = balance_steps if balance else base_steps
-    parts = 1 if pumped else steps(_stiffest(plants), tick, float(np.abs(w0).max()), layers)
+    parts, fastest = 1, float(np.abs(w0).max())
+    if not pumped:
+        parts = base_steps(_stiffest(plants), tick, fastest, layers, booked=balance)
     own = {"plants": plants, "depths": depths, "start": start}
     if pumped:
         own["rates"] = np.stack(rates)

@@ -31,10 +31,9 @@ from swimbladder.sim.engine.cache import compiled, part
 from swimbladder.sim.engine.chain import (
     COEFFICIENTS,
     accept,
-    balance_steps,
-    base_steps,
     build_chain,
     exponential_step,
+    steps_of,
 )
 from swimbladder.sim.engine.chain import copy as copy_chain
 from swimbladder.sim.engine.modes import NO_LAYERS, PRESCRIBED, Z_BOTTOM, Z_SURFACE
@@ -102,23 +101,20 @@ def drive(
     inputs = np.ascontiguousarray(given[named[0]], float)
     _check(t, inputs, named[0])
     if voltage is not None and not vehicle.voltage_driven:
-        raise InputError(
-            "a positioner is not driven by a voltage", field="voltage", remedy="Give the volume"
-        )
+        what = "a positioner is not driven by a voltage"
+        raise InputError(what, field="voltage", remedy="Give the volume")
     refuse_pump_and_valve(vehicle.engine)
     medium = medium_of(vehicle, cast, reach=start_depth, bottom_depth=bottom_depth)
-    if volume is not None:
+    ramps, p, within = volume is not None, medium.plant, medium
+    if ramps:
         start_volume = float(inputs[0])
-        unbound = replace(medium, plant=medium.plant._replace(V_min=-math.inf, V_max=math.inf))
-        start = check_start(unbound, start_depth, start_volume, start_speed)
-    else:
-        start = check_start(medium, start_depth, start_volume, start_speed)
-    ramps, p = volume is not None, medium.plant
+        within = replace(medium, plant=p._replace(V_min=-math.inf, V_max=math.inf))
+    start = check_start(within, start_depth, start_volume, start_speed)
     lane = new_lane(np.array(p), medium.layers, start, booked=True)
     spans, place = np.unique(np.diff(t), return_inverse=True)
-    parts = [balance_steps(p, h, start[3], medium.layers) for h in spans.tolist()]
+    parts = steps_of(p, spans, start[3], medium.layers, booked=True)
     record = np.full((7, len(t)), np.nan)
-    reached, why = follow(lane, Inputs(t, inputs, ramps, np.array(parts, np.int64)[place]), record)
+    reached, why = follow(lane, Inputs(t, inputs, ramps, parts[place]), record)
     if ramps:
         record[5] = np.nan
     law, stop = f"none (recorded {'volume' if ramps else 'voltage'})", list(StopReason)[why]
@@ -137,9 +133,8 @@ def _check(t: Any, inputs: Any, name: str) -> None:
     for field, values in (("time", t), (name, inputs)):
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
-            raise InputError(
-                f"entry {bad[0]} is not a finite number", field=field, value=float(values[bad[0]])
-            )
+            what = f"entry {bad[0]} is not a finite number"
+            raise InputError(what, field=field, value=float(values[bad[0]]))
     wrong = np.flatnonzero(np.diff(t) <= 0.0)
     if wrong.size:
         what = f"must grow, but entry {wrong[0] + 1} does not"
@@ -242,20 +237,16 @@ class Course:
         where its drag asks for more steps than can be. All lanes take the steps of the first, so
         that the differences between them are smooth.
         """
-        base = plants[0]
+        base = reach = plants[0]
+        fastest = float(np.abs(starts[:, 2]).max())
         if self.ramps:  # the speeds that this volume can drive, not those of the whole stroke
             lost = abs(base.psi) * (float(np.abs(starts[:, 1]).max()) + _DEEPEST)
             moved = self.inputs - starts[0, 3] * self.time
             least, most = float(np.min(moved)), float(np.max(moved))
             reach = base._replace(V_min=least - lost, V_max=most + lost, psi=0.0)
-        else:
-            reach = base
-        fastest = float(np.abs(starts[:, 2]).max())
         depth = np.full((len(plants), len(self.time)), np.nan)
         try:
-            steps = np.array(
-                [base_steps(reach, h, fastest) for h in self.different.tolist()], np.int64
-            )
+            steps = steps_of(reach, self.different, fastest)
         except InputError:  # far from any vehicle: a search looks elsewhere
             return depth
         if steps.max() > _MOST_STEPS:

@@ -35,7 +35,7 @@ from swimbladder.sim.closed_loop.solution import (
     name_events,
 )
 from swimbladder.sim.closed_loop.water import Medium, medium_of
-from swimbladder.sim.engine.chain import balance_steps
+from swimbladder.sim.engine.chain import base_steps
 from swimbladder.vehicle import Vehicle
 
 
@@ -265,8 +265,8 @@ def simulate(
         start[1] = math.nan if start_volume is None else start_volume
         with of_step(setpoints is None and mission is None):
             return run_float(model, values, start[:, None], clock.ticks, lay_out, fly)
-    divided = balance_steps(p, tick, start_speed, layers) if parts is None else parts
-    block = lay_out(parts=divided, start=start[:, None], booked=True, logged=True)
+    parts = parts or base_steps(p, tick, start_speed, layers, booked=True)
+    block = lay_out(parts=parts, start=start[:, None], booked=True, logged=True)
     run = fly(block)
     balance = close_balance(
         vehicle, medium, block.accounts[0], start, block.work[Row.Q : Row.Q + 4, 0]

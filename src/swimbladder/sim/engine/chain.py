@@ -12,6 +12,7 @@ import math
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swimbladder.errors import InputError
 from swimbladder.physics.arrays import Array
@@ -216,7 +217,9 @@ def _bend_in_layers(
     return _branches(p, w, wa, wb, wc, y[3])
 
 
-def base_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
+def base_steps(
+    p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS, *, booked: bool = False
+) -> int:
     """Return how many steps a tick [s] is divided into: one, where drag is laminar and water even.
 
     The nonlinear drag's rate, at the terminal speed of the whole stroke or at `speed` [m/s],
@@ -224,34 +227,31 @@ def base_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) 
     the layers would make a vehicle swing. A step is at most 10 s, so that no dip through the
     surface goes unseen.
 
+    booked: accounts are kept, where the drag's rate times the step stays under 1/4 for laminar drag
+    too: the motion is exact at any step, but the work of the drag is integrated by Simpson's rule.
+
     Raises InputError where it would take more than 10000 steps: drag far too large for the mass.
     """
-    steps = tick / 10.0
-    if p.epsilon != float("inf"):
+    return int(steps_of(p, np.array([tick]), speed, layers, booked=booked)[0])
+
+
+def steps_of(
+    p: Plant, ticks: Array, speed: float, layers: Layers = NO_LAYERS, *, booked: bool = False
+) -> NDArray[np.int64]:
+    """Return `base_steps` of each of several ticks [s]."""
+    most = 8.0 * math.sqrt(p.a_b * layers.steepest)
+    if p.epsilon != math.inf:
         pull = p.a_b * max(abs(p.V_max - p.V_0), abs(p.V_min - p.V_0)) + p.a_b * abs(p.psi) * 1e3
         pull += p.a_b * layers.largest
         terminal = max((pull / p.d_t) ** 0.5 if p.d_t > 0.0 else 0.0, abs(speed))
-        rate = max(2.0 * p.d_t * terminal, p.d_l, p.d_b)
-        steps = max(steps, 8.0 * rate * tick)
-    steps = max(steps, 8.0 * math.sqrt(p.a_b * layers.steepest) * tick)
-    return _count(steps, p, tick)
-
-
-def balance_steps(p: Plant, tick: float, speed: float, layers: Layers = NO_LAYERS) -> int:
-    """Return how many steps a tick [s] is divided into where accounts are kept.
-
-    The drag's rate times the step stays under 1/4 for laminar drag too: the motion is exact at any
-    step, but the work of the drag is integrated by Simpson's rule.
-    """
-    return max(base_steps(p, tick, speed, layers), _count(4.0 * p.d_l * tick, p, tick))
-
-
-def _count(steps: float, p: Plant, tick: float) -> int:
-    if not steps <= _MOST_STEPS:
+        most = max(most, 8.0 * max(2.0 * p.d_t * terminal, p.d_l, p.d_b))
+    most = max(most, 4.0 * p.d_l) if booked else most
+    steps = np.maximum(ticks / 10.0, most * ticks)
+    for k in np.flatnonzero(~(steps <= _MOST_STEPS)):
         raise InputError(
-            f"the drag is so large against the mass that one sample of {tick:g} s would take "
-            f"{steps:.2g} steps (laminar {p.d_l:.3g} 1/s, turbulent {p.d_t:.3g} 1/m)",
+            f"the drag is so large against the mass that one sample of {ticks[k]:g} s would take "
+            f"{steps[k]:.2g} steps (laminar {p.d_l:.3g} 1/s, turbulent {p.d_t:.3g} 1/m)",
             field="motion.drag",
             remedy="Check drag, masses and their units, and the times between the samples of a log",
         )
-    return max(1, math.ceil(steps))
+    return np.maximum(np.ceil(steps), 1.0).astype(np.int64)

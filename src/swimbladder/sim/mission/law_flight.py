@@ -17,7 +17,7 @@ from swimbladder.sim.closed_loop.dispatch import extent
 from swimbladder.sim.closed_loop.lane import Row, rows
 from swimbladder.sim.closed_loop.lanes import OVER, Schedule
 from swimbladder.sim.closed_loop.solution import StopReason
-from swimbladder.sim.engine.chain import balance_steps
+from swimbladder.sim.engine.chain import base_steps
 from swimbladder.sim.engine.modes import POSITIONER
 from swimbladder.sim.engine.rodas.records import Stop
 from swimbladder.sim.mission.core.hooks import MANY, fly
@@ -174,7 +174,8 @@ class ByLaws:
         """Return in how many steps a sample of a phase's law is computed, from a speed [m/s] on."""
         try:
             tick = self.plan.laws[number].sample_time
-            return balance_steps(self.medium.plant, tick, speed, self.medium.layers)
+            medium = self.medium
+            return base_steps(medium.plant, tick, speed, medium.layers, booked=True)
         except InputError as error:
             if self.mission.phases[number].sample_time is None:
                 raise
