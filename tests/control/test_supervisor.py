@@ -711,8 +711,11 @@ class TestShown:
         assert flown.reason is Reason.DEPTH_MISSING
 
 
+FOR_EVER = 60.0  # m, a way to a stop that may as well be without an end
+
+
 def stops_at(plant: Any, limits: Any, speed: float, lacks: float, room: float) -> float:
-    """Return how far down a vehicle goes under full buoyancy, by SciPy; inf: it never stops."""
+    """Return how far down a vehicle goes under full buoyancy, by SciPy; inf: beyond FOR_EVER."""
 
     def motion(t: float, x: Any) -> tuple[float, float]:
         pushed = min(limits.deep.turn_rate * t, room)
@@ -722,8 +725,12 @@ def stops_at(plant: Any, limits: Any, speed: float, lacks: float, room: float) -
     def stands(_: float, x: Any) -> float:
         return float(x[1])
 
+    def gone(_: float, x: Any) -> float:
+        return float(x[0]) - FOR_EVER
+
     stands.terminal, stands.direction = True, -1  # type: ignore[attr-defined]
-    path = solve_ivp(motion, (0.0, 2e4), (0.0, speed), events=stands, rtol=1e-8, atol=1e-9)
+    gone.terminal = True  # type: ignore[attr-defined]
+    path = solve_ivp(motion, (0.0, 2e4), (0.0, speed), events=(stands, gone), rtol=1e-8, atol=1e-9)
     return float(path.y[0, -1]) if path.t_events[0].size else math.inf
 
 
@@ -752,9 +759,9 @@ class TestTurning:
             lacks, room = q.V_0 + q.psi * depth - V, q.V_max - V
             speed = rng.uniform(0.01, max(terminal_speed(q, q.a_b * max(lacks, 0.0)), 0.05))
             right, found = stops_at(q, p, speed, lacks, room), way_to_stop(p, speed, lacks, room)
-            if 1.0 < right < 60.0 and found < 1e5:
+            if 1.0 < right < FOR_EVER and found < 1e5:
                 assert 0.85 < found / right < 1.25
-            elif right >= 60.0:  # it may as well be for ever
+            elif right >= FOR_EVER:
                 assert found > 45.0
 
     def test_a_light_vehicle_that_hardly_sinks_stops_at_once(self):

@@ -16,6 +16,7 @@ from swimbladder.sim.engine.chain import (
     base_steps,
     build_chain,
     exponential_step,
+    steps_of,
 )
 from swimbladder.sim.engine.modes import NO_LAYERS, Act, Layers, Where, layers_from
 from swimbladder.sim.engine.modes import drag as drag_of
@@ -260,6 +261,16 @@ def test_steps_resolve_the_drag_at_the_speed_of_the_whole_stroke(speed: float) -
     fastest = max(math.sqrt(force / QUADRATIC.k_dt), speed)
     rate = 2.0 * QUADRATIC.k_dt * fastest / vehicle.mass
     assert base_steps(p, tick, speed) == math.ceil(8.0 * rate * tick)
+
+
+def test_steps_resolve_the_work_of_laminar_drag_where_accounts_are_kept() -> None:
+    """The rate of the drag times a step is 1/4 at most, of each of several ticks."""
+    p, ticks = plant(paper()), np.array([0.3, 2.0, 20.0, 90.0])
+    due = [math.ceil(max(4.0 * tick / 36.3, tick / 10.0)) for tick in ticks]  # T2: m over drag
+    assert due == [1, 1, 3, 10]
+    assert [base_steps(p, tick, 0.0, booked=True) for tick in ticks] == due
+    assert steps_of(p, ticks, 0.0, booked=True).tolist() == due
+    assert steps_of(p, ticks, 0.0).tolist() == [1, 1, 2, 9]
 
 
 def test_steps_resolve_the_swing_in_the_steepest_layer() -> None:
