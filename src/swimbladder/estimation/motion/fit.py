@@ -428,6 +428,14 @@ def _follows(problem: Problem, x: Array) -> bool:
     return _excess(problem, _robust_noise(problem, problem.residual(x))) < _CLEAN
 
 
+def unstable(problem: Problem, x: Array) -> bool:
+    """Return whether an error of a start grows so much that no curvature says how sure a fit is.
+
+    The valley in which it ends is long and bent then, and a search may end anywhere in it.
+    """
+    return _folds(problem, x) > _FEW_FOLDS
+
+
 def _folds(problem: Problem, x: Array) -> int:
     """Return how many times an error of a depth at a start grows e-fold until the last sample."""
     depths = problem.slope(x)[:, problem.first_start : problem.first_drift : 2] / DEPTH

@@ -155,7 +155,8 @@ class Likelihood:
         """Return x at the values to begin with, or at others where they are given."""
         known = values or {}
         shared = [q.place(known.get(q.name, q.begin)) for q in self.quantities]
-        return np.append(shared, np.zeros(self.drifts))
+        drifts = [known.get(f"drift {k}", 0.0) / self.drift_std for k in range(self.drifts)]
+        return np.append(shared, drifts)
 
     def within(self, x: Array) -> Array:
         """Return the nearest x that can be."""
@@ -164,10 +165,10 @@ class Likelihood:
         return np.clip(x, low, high)
 
     def named(self, x: Array) -> dict[str, float]:
-        """Return all values, estimated and held, by name."""
-        shared, _ = self.split(x)
+        """Return all values by name, estimated and held: "drift 0" [m3/s] of the first record."""
+        shared, drifts = self.split(x)
         found = {q.name: q.value(at) for q, at in zip(self.quantities, shared, strict=True)}
-        return {**self.values, **found}
+        return self.values | found | {f"drift {k}": d for k, d in enumerate(drifts.tolist())}
 
     def split(self, x: Array) -> tuple[list[float], Array]:
         """Return the quantities' part of x, and the drifts of the neutral volumes [m3/s]."""
@@ -179,9 +180,7 @@ class Likelihood:
         """Return the filter's noise of these values."""
         rounding = max(self.quantum / math.sqrt(12.0), _FINEST)
         depth = math.hypot(values["depth_noise"], rounding)
-        intensities = values["random_walk"], values["acceleration"]
-        correlated = {name: values[name] for name in ("correlated", "correlation_time")}
-        return Noise(depth, *intensities, **correlated)
+        return Noise(depth, **{name: values[name] for name in NO_NOISE})
 
     def filtered(self, x: Array) -> list[Filtered]:
         """Return the filter's run along every stretch."""

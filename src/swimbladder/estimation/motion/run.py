@@ -56,7 +56,7 @@ from swimbladder.estimation.motion.diagnose import (
     with_probabilities,
 )
 from swimbladder.estimation.motion.diagnose import choices as list_choices
-from swimbladder.estimation.motion.fit import Fit, inverse_of, white_part
+from swimbladder.estimation.motion.fit import Fit, inverse_of, unstable, white_part
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.posterior import sample, sampling_library
 from swimbladder.estimation.motion.problem import (
@@ -291,8 +291,7 @@ def _summary(fit: ProcessNoiseFit) -> Finding:
     unsure = ", which the logs do not require"
     moves = "does not quite move" if fit.p_any < SIGNIFICANT else "moves"
     texts = {"low": low, "high": high, "sure": "" if fit.drifts else unsure, "moves": moves}
-    numbers = {"minute": minute * drift.value, "p": fit.p_value}
-    numbers["farthest"] = max(fit.travelled, default=0.0)
+    numbers = {"minute": minute * drift.value, "p": fit.p_value, "farthest": max(fit.travelled)}
     numbers["acceleration"] = fit.noises["acceleration"].value
     return Finding.of("motion", "process_noise", **texts, **numbers)
 
@@ -688,10 +687,10 @@ def _answer(
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
         best = highest_with_noise(problem, vehicle)
         mode, noisy = asked.process_noise, best.depth_noise >= _NO_SENSORS
-        if mode == "never" or (mode == "auto" and not (noisy and best.significant)):
-            assert best.white is not None  # it is tested
-            best = best.white
-            near = None if noisy and best.inexact else best.begin()
+        lacks = noisy and best.significant
+        if (white := best.white) and (mode == "never" or (mode == "auto" and not lacks)):
+            best, near = white, white.begin()
+            near = None if noisy and (best.inexact or unstable(problem, near)) else near
         if near is None:
             report(0.9)
             said = assumptions(problem, vehicle)
