@@ -381,7 +381,7 @@ class Oracle:
             end,
             rtol=self.rtol,
             atol=self.rtol * scale,
-            first_step=min(1e-3, end - self.t),
+            first_step=min(2e-2, end - self.t),
             max_step=0.25,
         )
         while solver.status == "running":
