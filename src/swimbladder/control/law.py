@@ -59,17 +59,19 @@ def _once(find: Callable[[type[Any]], Found]) -> Callable[[type[Any]], Found]:
     return found
 
 
+@_once
 def is_record(kind: type[Any]) -> bool:
     """Return whether a field's type is a named tuple."""
     return isinstance(kind, type) and hasattr(kind, "_fields")
 
 
+@_once
 def field_types(kind: type[Any]) -> Mapping[str, Any]:
     """Return the type of each field of a named tuple as it is annotated, float where it is not.
 
     Without its unit: that of `Annotated[float, "m3"]` is float.
     """
-    return {name: written for name, (written, _) in _fields(kind).items()}
+    return MappingProxyType({name: written for name, (written, _) in _fields(kind).items()})
 
 
 @_once

@@ -92,13 +92,12 @@ def linearise_law(bound: BoundLaw, measurement: Measurement) -> LinearLaw:
     x0 = np.array(list(numbers(state)), dtype=np.float64)
     u0 = np.array([measurement.depth, measurement.volume, reference], dtype=np.float64)
     u_steps = np.array([1e-4, 1e-7, 1e-4])
-    rest = outputs(x0, u0)[:-1]
-    moved = [np.abs(outputs(x0, u0 + d)[:-1] - rest) for d in np.diag(u_steps)]
+    here = outputs(x0, u0)
+    moved = [np.abs(outputs(x0, u0 + d) - here)[:-1] for d in np.diag(u_steps)]
     x_steps = np.maximum(np.max(moved, axis=0), 1e-6 * np.abs(x0))
     x_steps[x_steps == 0.0] = 1e-6
     n = len(x0)
     at, steps = np.concatenate([x0, u0]), np.concatenate([x_steps, u_steps])
-    here = outputs(x0, u0)
 
     def odd_and_even(d: Array) -> tuple[Array, Array]:
         above, below = (outputs(x[:n], x[n:]) for x in (at + d, at - d))
