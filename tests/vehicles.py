@@ -38,6 +38,8 @@ DIVES = {"rate": (30.0, 5400.0), "argo": (300.0, 18000.0)}
 QUICK = ("cascade", "adrc", "position-pid")
 EACH = [n if n in QUICK else pytest.param(n, marks=pytest.mark.prove) for n in SAMPLED]
 """Parameters of a test that `make test` runs for three laws, `make prove` for the others too."""
+TWO = [pytest.param(n, marks=pytest.mark.prove) if n == "adrc" else n for n in EACH]
+"""Likewise, of which `make test` runs one that asks for a voltage and one for a position."""
 
 TABLE_3 = {"k_pV": "1002 V/dm3", "k_pz": "-0.1043 dm3/m", "k_iz": "-7.486e-4 dm3/s/m"} | {
     "k_dz": "-2.341 dm3 s/m"

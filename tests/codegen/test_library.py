@@ -22,7 +22,7 @@ from swimbladder.vehicle import Controller, Supervisor, Vehicle
 from tests.codegen.build import STRICT, run
 from tests.codegen.laws import bits, controlled, example, twin_of
 from tests.codegen.test_supervised import VehicleInC
-from tests.vehicles import EACH, limited, paper
+from tests.vehicles import TWO, limited, paper
 
 ARDUINO = Path(__file__).parent / "arduino"
 
@@ -34,7 +34,6 @@ def library(name: str) -> Library:
 
 
 # In every run of two kinds of law: a voltage and a position. The C of ADRC is in test_laws.py.
-TWO = [pytest.param(n, marks=pytest.mark.prove) if n == "adrc" else n for n in EACH]
 
 
 @pytest.fixture(params=TWO, scope="module")

@@ -39,7 +39,7 @@ from swimbladder.sim.closed_loop import simulate
 from swimbladder.vehicle import Sensors, Supervisor
 from tests.codegen.laws import changed, example
 from tests.oracle import Machine
-from tests.vehicles import EACH, paper
+from tests.vehicles import EACH, TWO, paper
 
 NOISY = Sensors(depth_noise="2 mm", depth_quantum="5 mm", volume_noise="0.2 cm3")
 CLEAN = Sensors()
@@ -594,7 +594,7 @@ def test_the_rate_of_a_positioner_is_what_is_left_within_its_speed():
         assert expected_rate(p, s) == pytest.approx(due, rel=1e-9, abs=1e-18)
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", TWO)
 @pytest.mark.promise("no-false-alarm")
 class TestHealthy:
     """What must never be a reason."""

@@ -72,11 +72,11 @@ SUPPLY = {"capacity": 400e3, "cold_share": 0.85, "self_discharge": 0.02 / YEAR}
     ("given", "stop"),
     [
         ({}, Stop.RESERVE),
-        ({"cold_share": 0.6}, Stop.RESERVE),
         ({"reserve": 0.0}, Stop.BATTERY_EMPTY),
         *(
             pytest.param(given, Stop.RESERVE, marks=pytest.mark.prove)
             for given in (
+                {"cold_share": 0.6},
                 {"self_discharge": 0.3 / YEAR},
                 {"start_depth": 150.0},
                 {"start_temperature": 30.0},
