@@ -112,25 +112,21 @@ def logs(kept: tuple[Kept, ...]) -> list[Log]:
 
 
 def vehicle(scenario: Scenario, campaign: Campaign) -> Vehicle:
-    """Return the vehicle that the experimenter believes to have, its hull measured."""
+    """Return the vehicle that the experimenter believes to have, its hull measured and weighed."""
     guess, truth = campaign.guess, campaign.truth
     paper = load_vehicle("feup-em")
+    mass = truth["mass"] if "mass" in truth else truth["T2"] * K_B / truth["K2"]
+    dry = _DISPLACED * mass  # neutral in the pool
     motion: IdentifiedMotion | PhysicalMotion
     if scenario.drag == "linear":
         motion = IdentifiedMotion(K2=guess["K2"], T2=guess["T2"])
-    elif scenario.drag == "quadratic":
-        motion = PhysicalMotion(
-            dry_mass=guess["mass"], drag=Drag(law="quadratic", k_dt=guess["drag_quadratic"])
-        )
     else:
-        k_dl = K_B / guess["K2"]
-        motion = PhysicalMotion(
-            dry_mass=guess["T2"] * k_dl,
-            drag=Drag(law="blended", k_dl=k_dl, k_dt=guess["drag_quadratic"]),
-        )
+        k_dl = K_B / guess["K2"] if scenario.drag == "blended" else 0.0
+        along = (guess["T2"] * k_dl if k_dl else guess["mass"]) - dry
+        drag = Drag(law=scenario.drag, k_dl=k_dl, k_dt=guess["drag_quadratic"])
+        motion = PhysicalMotion(dry_mass=dry, added_mass=max(along, 0.0), drag=drag)
     update = {"psi": guess["psi"]}
     if scenario.random:  # of another mass than the paper's: it displaces less than is accelerated
-        mass = truth["mass"] if "mass" in truth else truth["T2"] * K_B / truth["K2"]
-        update["displaced_volume"] = _DISPLACED * mass / DENSITY
+        update["displaced_volume"] = dry / DENSITY
     hull = paper.hull.model_copy(update=update)
     return paper.model_copy(update={"motion": motion, "hull": hull})
