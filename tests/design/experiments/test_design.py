@@ -63,8 +63,9 @@ def test_what_is_promised_is_what_a_pool_day_gives(design, vehicle, setting, tmp
     path.write_text(plan_file(design.plan()), encoding="utf-8")
     true = Vehicle(7935.54, 36.3, 4.04e-6)
     measured = logs(load_plan(path), true, np.random.default_rng([23, seed]), setting)
-    answer = identify(measured, vehicle, profiles=False, choices=False)
+    answer = identify(measured, vehicle, profiles=False, choices=False, posterior=1)
     assert any(f.kind == "volumes inexact" for f in answer.findings)
+    assert any(f.kind == "posterior" and "as exact" in f.sentence for f in answer.findings)
     for name, promised in design.chosen.prediction.parameters.items():
         e = answer.parameters[name]
         assert e.std == pytest.approx(
