@@ -313,8 +313,7 @@ def problem_of(flights: Sequence[Flight], c: Conditions, **fixed: float) -> Prob
 
 def _likelihood(p: Problem, at: Mapping[str, float], c: Conditions) -> tuple[Likelihood, Array]:
     full, x = with_known_noise(p, c.vehicle, c.setting.noise, at)
-    full.quantum = c.setting.quantum
-    return full, x
+    return full.changed(quantum=c.setting.quantum), x
 
 
 def fisher_information(

@@ -6,7 +6,9 @@ the likelihood (Schweppe, IEEE Trans. Inf. Theory 11, 1965); parameters and the 
 noise maximise it. So what the model lacks widens the intervals by its own spectrum: a fit without
 process noise takes it for noise of the sensor, and over a long log of an unstable motion claims
 parts per million of parameters that are wrong by tens of percent. Of the sensor's noise a part may
-last (a filter in it, waves), which is another spectrum. Only stretches clear of surface and bottom
+last (a filter in it, waves), which is another spectrum. A steady drift of each record's neutral
+volume is estimated beside all of these, and where no noise but the depth's white one is significant
+the likelihood is that without. Only stretches clear of surface and bottom
 count, and the filter starts anew in each: contact would make the likelihood jump, and says little.
 
 The covariance of a fit is from information, and from the scatter of the scores of blocks.
@@ -628,16 +630,14 @@ class Highest(NamedTuple):
 
     def begin(self) -> Array:
         """Return where a fit with exact volumes begins: by the smoothed states of each record."""
-        problem, values = self.problem, self.values
-        x, tracks = problem.begin(values), _tracks(self.full, self.x)
-        x[problem.first_drift : problem.delay_at] = self.full.split(self.x)[1] / DRIFT
-        for j, (e, track) in enumerate(zip(problem.experiments, tracks, strict=True)):
-            first = float(track.smoothed[track.used[0], 2])
-            x[problem.shared + j] = e.error(first, values["psi"]) / VOLUME
-            for k, s in enumerate(e.segments):
-                at = problem.starts_at[j] + 2 * k
-                depth, speed = track.smoothed[s.first, :2].tolist()
-                x[at], x[at + 1] = depth / DEPTH, speed / SPEED
+        problem, psi = self.problem, self.values["psi"]
+        x, full = problem.begin(self.values), self.full
+        starts = np.array([mean[0] for mean, _ in full.smoothed(self.x)])  # of each stretch
+        firsts = starts[np.searchsorted(full.record, np.arange(len(full.records))), 2].tolist()
+        errors = [e.error(V, psi) for e, V in zip(problem.experiments, firsts, strict=True)]
+        x[problem.shared : problem.first_start] = np.array(errors) / VOLUME
+        x[problem.first_start : problem.first_drift] = np.ravel(starts[:, :2] / (DEPTH, SPEED))
+        x[problem.first_drift : problem.delay_at] = full.split(self.x)[1] / DRIFT
         return x
 
 
