@@ -25,7 +25,7 @@ from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
 from swimbladder.errors import InputError, NoAnswerError, check_number
-from swimbladder.estimation.estimates import read_priors, read_values
+from swimbladder.estimation.estimates import read_priors, read_values, sentence
 from swimbladder.estimation.motion import DELAY_STD, DRIFT_STD, NAMES, NEUTRAL_STD, Prior
 from swimbladder.estimation.motion.problem import (
     UNITS,
@@ -289,22 +289,22 @@ def _rival_name(against: Sequence[float] | None) -> str:
 
 
 def _assumptions(c: Conditions, how: str, count: int) -> tuple[str, ...]:
-    question, s = c.question, c.setting
+    q, s = c.question, c.setting
     known = "not known"
     if math.isfinite(s.neutral_std):
         known = f"known to {format_quantity(s.neutral_std, 'm3', 'cm3', 2)}"
     said = [
-        f"drag law: {question.model.law}",
+        f"drag law: {q.model.law}",
         f"depths every {s.sample_time:g} s, with a noise of {1e3 * s.depth_noise:.2g} mm (1 sigma, "
         "rounding included), white",
         f"each record begins {s.rest:g} s before the release; its neutral volume is {known} and "
         f"drifts by {format_quantity(60.0 * s.drift_std, 'm3', 'cm3', 2)} a minute (1 sigma)",
         f"the stamps of the volumes are late by {s.delay_std:.3g} s (1 sigma)",
+        sentence("motion", "has inexact volumes"),
         f"{s.settling:.0f} s until at rest before a release ({how})",
         f"good on average over {count} vehicles of the parameter region",
         "volumes and depths are measured without an error of scale: 1 % of either is 1 % of K2",
     ]
-    priors, held = question.priors.items(), question.fixed.items()
-    said += [f"prior: {n} = {p.mean:g} +- {p.std:g} {NAMES[n].unit}" for n, p in priors]
-    said += [f"held: {name} = {value:g} {NAMES[name].unit}" for name, value in held]
+    said += [f"prior: {n} = {p.mean:g} +- {p.std:g} {NAMES[n].unit}" for n, p in q.priors.items()]
+    said += [f"held: {name} = {value:g} {NAMES[name].unit}" for name, value in q.fixed.items()]
     return tuple(said)
