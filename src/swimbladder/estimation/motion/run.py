@@ -154,7 +154,7 @@ def with_process_noise(
         Finding.of("motion", "volumes inexact") if fit.white else _summary(fit),
     ]
     if asked.posterior is not None:
-        findings.append(Finding.of("motion", "no draws" + " of a filter" * fit.white))
+        findings.append(Finding.of("motion", "no draws of a filter" if fit.white else "no draws"))
     turned = [f for f in findings if f.kind == "backwards"]
     findings = turned or findings  # what follows from it need not be said
     new, noise = vehicle, fit.noise
