@@ -198,6 +198,15 @@ def test_the_band_that_is_named_is_accepted(name, tolerance):
     assert accepted(vehicle, task(depth, named))
 
 
+@pytest.mark.parametrize("cycles", [1, 2])
+def test_what_was_tried_on_a_first_cycle_is_named_for_that(cycles):
+    vehicle, mission = load_vehicle("example-float"), task(150.0, 0.9)
+    with pytest.raises(NoAnswerError) as error:
+        held(vehicle, mission, cycles=cycles)
+    named = re.findall(r"Allow [\d.]+ m( for the first cycle at least)?", str(error.value))
+    assert named == ["" if cycles == 1 else " for the first cycle at least"]
+
+
 def test_noise_that_is_assumed_is_said_to_be():
     bare = FEUP.model_copy(update={"sensors": Sensors()})
     message = refused(bare, task(10.0, 1e-3))

@@ -297,12 +297,13 @@ def _refuse_band(flight: Flight, n: int, fly: Callable[[Mission], Flight]) -> No
         other = fly(flight.mission.model_copy(update={"phases": tuple(phases)}))
         return other.stop in (Stop.FINISHED, Stop.RESERVE) and _met(other, n)
 
+    first = " for the first cycle at least" if plan.given["last_cycle"] > 1.0 else ""
     for said, field, bad, good in (
         ("sample every {} s (check_interval)", "check_interval", interval, interval / _SPAN),
         ("allow {} m", "tolerance", band, min(max(1.5 * most, 2.0 * band), 0.9 * depth)),
     ):
         found = _nearest(bad, good, partial(does, field))
-        remedies = ([] if found is None else [said.format(found)]) + remedies
+        remedies = ([] if found is None else [said.format(found) + first]) + remedies
     remedy = ", or ".join(remedies)
     raise NoAnswerError(
         f"the phase {phase.title!r} cannot be held within {band:g} m of {depth:g} m: {went}. It is "
