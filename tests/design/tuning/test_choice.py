@@ -245,6 +245,28 @@ def test_a_law_without_gains_is_a_no_with_what_would_give_it_some(mends, off, sa
         search_gains(FEUP, "adrc", Asked(depth_range=(0.0, 5.0)), lambda _: None)
 
 
+@pytest.mark.parametrize(
+    ("left", "said"),
+    [
+        ({"adrc": 0.0}, "With a sample time of 0.075 s the law adrc has gains for this."),
+        ({"planned": 1.3, "adrc": 1.2}, "the law adrc has gains for this, though unproven ones."),
+        ({}, "Neither a sample time of 0.075 s nor a motor 2 times as fast would give any of them"),
+    ],
+)
+def test_where_no_law_has_gains_each_is_tried_for_what_would_give_it_some(left, said, monkeypatch):
+    """Only the first that was refused was: a remedy of another one was never named."""
+
+    def tuned(self, name, _):
+        if name in left and (self.sample_time < 0.1 or self.supply > 20.0):
+            return Tuned(None, left[name], lambda: "")
+        raise NoAnswerError(f"no gains of the law {name!r}.")
+
+    monkeypatch.setattr("swimbladder.design.tuning.run._Request.tuned", tuned)
+    with pytest.raises(NoAnswerError) as no:
+        tune(FEUP, depth_range=(0.0, 5.0), step=(1.5, 3.0))
+    assert said in str(no.value)
+
+
 @pytest.mark.prove
 def test_a_law_without_gains_does_not_fit_and_the_others_are_chosen_from(monkeypatch):
     why = {

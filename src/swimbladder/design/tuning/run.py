@@ -240,7 +240,7 @@ def search_gains(
 ) -> Tuned:
     """Return the gains that `tune` does, with a call that finds what limits them.
 
-    explained: whether, where there are none, an error says what would give the first law some.
+    explained: whether, where there are none, an error says what would give one of the laws some.
     """
     goal, depths, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
     check_choice(goal, gains.GOALS, "no such goal", field="goal")
@@ -301,7 +301,7 @@ def search_gains(
     if not found:
         refused = [name for name in names if isinstance(unfit[name], NoAnswerError)]
         with threadpool_limits(limits=1, user_api="blas"):
-            instead = request.instead(refused[0]) if explained and refused else ""
+            instead = request.instead(refused) if explained else ""
         reasons = {name: str(error).rstrip(".") for name, error in unfit.items()}
         if len(names) > 1:
             why = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
@@ -372,15 +372,23 @@ class _Request:
 
         return {words: partial(after, change) for words, change in changes.items()}
 
-    def instead(self, name: str) -> str:
-        """Return what would give a law gains that has none, as a sentence; empty for a float's."""
-        tried = []
-        for (_, instead), off in self.others(name, _LEAST_RUNS).items():
-            if math.isfinite(left := off()):
-                proven = "" if left == 0.0 else ", though unproven ones"
-                return f"With {instead} the law {name} has gains for this{proven}."
-            tried.append(instead)
-        return f"Neither {' nor '.join(tried)} would give the law {name} any." if tried else ""
+    def instead(self, names: list[str]) -> str:
+        """Return what would give one of the laws gains that have none, as a sentence; empty for a
+        float's. The first whose gains would be proven, or the one that is nearest to that.
+        """
+        least, found, tried = math.inf, "", dict[str, None]()
+        for name in names:
+            for (_, instead), off in self.others(name, _LEAST_RUNS).items():
+                if (left := off()) < least:
+                    proven = "" if left == 0.0 else ", though unproven ones"
+                    found = f"With {instead} the law {name} has gains for this{proven}."
+                    least = left
+                if left == 0.0:
+                    return found
+                tried[instead] = None
+        which = f"the law {names[0]} any" if len(names) == 1 else "any of them gains"
+        none = f"Neither {' nor '.join(tried)} would give {which}." if tried else ""
+        return found or none
 
     def tuned(self, name: str, advance: Advance) -> Tuned:
         """Return the gains of the law of that name; raises as `tune` does."""
