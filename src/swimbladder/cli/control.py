@@ -53,7 +53,7 @@ class Design(Options):
     goal: str = valued(
         "GOAL", "Goal: fast (settling time), quiet (actuator motion) or energy.", "fast"
     )
-    depth_range: str = valued("LEAST:MOST", "Depth range of the design.", "0:10 m")
+    depth_range: Given = valued("LEAST:MOST", "Depth range of the design (0:10 m; float: its own).")
     step: Given = valued("FROM:TO", "Step of the simulations (1.5 m; float: all depths).")
     sample_time: Given = valued("TIME", "Sample time (the controller's).")
     delay: str = valued("SHARE", "Computation delay, as a share of the sample time.", "10 %")
@@ -84,7 +84,8 @@ def tune(
     """
     v = sensor.on(loaded(vehicle))
     options = design.read()
-    reach = max(*options["depth_range"], *(options["step"] or ()))
+    depths = options["depth_range"]
+    reach = depths and max(*depths, *(options["step"] or ()))
     options["cast"] = water_of_cast(reading.casts(), reach, v.hull.depth_limit)
     with working("searching gains") as advance:
         from swimbladder.design.tuning import tune as find
@@ -172,7 +173,8 @@ def _list(
     vehicle: str | None, depths: tuple[float, float] | None, to: Files, *, supervised: bool
 ) -> None:
     """Print the scenarios, with the depths that a vehicle gives them where one is named."""
-    from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places, scenarios_of
+    from swimbladder.design.law_comparison.contenders import SCENARIOS, place, scenarios_of
+    from swimbladder.design.tuning.run import places
 
     v = None if vehicle is None else loaded(vehicle, sampled=True, pumped=True)
     flown = SCENARIOS if v is None else scenarios_of(v)

@@ -9,8 +9,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from swimbladder.design.law_comparison import LawComparison
-from swimbladder.design.law_comparison.contenders import BAND, Placed
+from swimbladder.design.law_comparison.contenders import Placed
 from swimbladder.design.law_comparison.run import RESULT, Row, front
+from swimbladder.design.tuning.run import BAND
 from swimbladder.io.answers import as_json
 from swimbladder.io.files import rows_csv
 from swimbladder.io.vehicle_file import vehicle_file

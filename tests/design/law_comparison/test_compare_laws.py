@@ -7,9 +7,9 @@ import pytest
 from swimbladder.control.supervisor_limits import supervisor_parameters
 from swimbladder.design.law_comparison import SCENARIOS, compare_laws
 from swimbladder.design.law_comparison import run as running
-from swimbladder.design.law_comparison.contenders import places
 from swimbladder.design.law_comparison.run import Asked, least_times
 from swimbladder.design.planning import least_time
+from swimbladder.design.tuning.run import places
 from swimbladder.design.tuning.trial import ALONE, SUPERVISED
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle

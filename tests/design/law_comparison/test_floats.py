@@ -7,15 +7,14 @@ from swimbladder.control.rate import RATE
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import compare_laws
 from swimbladder.design.law_comparison.contenders import (
-    BAND,
     FLOAT_SCENARIOS,
     Contender,
     place,
-    places,
     scenarios_of,
 )
 from swimbladder.design.law_comparison.run import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.run import BAND, places
 from swimbladder.design.tuning.trial import ALONE, BOARD, Drawn
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle

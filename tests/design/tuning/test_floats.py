@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,6 +39,8 @@ from swimbladder.physics.seawater import cast_column
 from swimbladder.show.picture import Curve
 from swimbladder.show.tune import draw_tuning
 from swimbladder.sim.closed_loop.water import medium_of
+from swimbladder.units import rounded
+from swimbladder.vehicle.actuators import PowerLawPump
 from swimbladder.vehicle.spread import Spread
 from tests.pictures import marks
 from tests.quoted import refused
@@ -281,12 +284,51 @@ def test_in_the_water_of_a_cast_it_is_flown_there(sea):
         tune(FLOAT, depth_range=(100.0, 900.0), runs=20, cast=column)
 
 
-@pytest.mark.parametrize(("rated", "like"), [(2000.0, "100:1500"), (200.0, "10:150")])
-def test_depths_within_the_band_are_refused_with_depths_of_this_float(rated, like):
-    with pytest.raises(InputError) as told:
-        tune(changed("hull", depth_limit=rated))
-    assert told.value.field == "depth_range"
-    assert f"like {like}" in told.value.remedy
+def of_no_depths(monkeypatch, vehicle, **given):
+    """Return what `tune` looks for, where no depths are asked for."""
+    asked = []
+
+    def tuned(self, *_):
+        asked.append(self)
+        raise NoAnswerError("enough")
+
+    monkeypatch.setattr("swimbladder.design.tuning.run._Request.tuned", tuned)
+    with pytest.raises(NoAnswerError):
+        tune(vehicle, law=None if vehicle is FLOAT else vehicle.controller.law, **given)
+    return asked[0]
+
+
+@pytest.mark.parametrize("rated", [2000.0, 200.0])
+def test_without_depths_a_float_is_tuned_for_its_own_and_says_so(rated, monkeypatch):
+    """It was refused: the usual 0 to 10 m are within the band of a float."""
+    found = of_no_depths(monkeypatch, changed("hull", depth_limit=rated))
+    most = 0.8 * 0.9 * rated  # four fifths of what the supervisor allows of the rating
+    assert found.depths == pytest.approx((20.0, most))
+    said = f"80 % of {rounded(0.9 * rated, 3)} m, where its supervisor turns it round"
+    assert said in " ".join(found._assumptions())
+    asked = replace(found, why="")._assumptions()
+    assert "depth_range" not in " ".join(asked)
+
+
+def test_without_depths_it_is_tuned_as_deep_as_the_water_is_known(sea, monkeypatch):
+    column = cast_column(read_cast(sea))
+    found = of_no_depths(monkeypatch, FLOAT, cast=column)
+    assert found.depths == (20.0, column.deepest)
+
+
+@pytest.mark.parametrize(("rated", "most"), [(100.0, 10.0), (5.0, 0.8 * 0.9 * 5.0)])
+def test_without_depths_a_motor_is_tuned_for_ten_metres_or_what_it_has(rated, most, monkeypatch):
+    vehicle = load_vehicle("feup-em").but("hull", depth_limit=rated)
+    assert of_no_depths(monkeypatch, vehicle).depths == pytest.approx((0.0, most))
+
+
+PUMP = PowerLawPump(delivery="0.7 mL/s", idle_power="5 W", power_per_pressure="7 mW/dbar")
+
+
+def test_a_float_of_which_nothing_limits_the_depth_is_refused():
+    vehicle = FLOAT.but("actuator", pump=PUMP).but("hull", depth_limit=None)
+    with refused(InputError, field="depth_range"):
+        tune(vehicle)
 
 
 SOFT = changed("hull", psi=2e-6)
@@ -342,7 +384,7 @@ def test_what_does_not_go_together_is_refused():
     with refused(InputError, field="law"):
         tune(load_vehicle("feup-em"), law="rate")
     with refused(InputError, field="depth_range"):
-        tune(FLOAT)  # 0 to 10 m: within the band
+        tune(FLOAT, depth_range=(0.0, 10.0))  # within the band
     with refused(InputError, field="hold"):
         tune(FLOAT, depth_range=DEPTHS, hold=-1.0)
     with refused(InputError, field="supply"):

@@ -14,33 +14,22 @@ from pydantic import TypeAdapter
 
 from swimbladder.control.law import Law
 from swimbladder.control.registry import LAWS, bind, controller_of, own_law
-from swimbladder.control.supervisor_limits import supervisor_parameters
-from swimbladder.design.linear.depths import neutral_end, stall
-from swimbladder.design.linear.pump_valve import pump_stall
-from swimbladder.design.tuning.gains import refused_depths
-from swimbladder.design.tuning.run import Asked, search_gains
+from swimbladder.design.tuning.run import Asked, Places, search_gains
 from swimbladder.design.tuning.trial import usual_step
-from swimbladder.errors import NoAnswerError, SwimbladderError
+from swimbladder.errors import SwimbladderError
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.progress import Advance
 from swimbladder.jobs import Store
-from swimbladder.physics.dynamics import body_plant, plant
+from swimbladder.physics.dynamics import plant
 from swimbladder.physics.seawater import Column
-from swimbladder.sim.closed_loop.checks import turned_round
 from swimbladder.sim.closed_loop.outside import source_of
 from swimbladder.sim.closed_loop.water import Swell
-from swimbladder.units import rounded
 from swimbladder.vehicle import Controller, Vehicle
 from swimbladder.vehicle.schema import no_such
 
-LOW_SUPPLY = 0.9  # of the supply's voltage: what `tune` takes for a battery that is nearly empty
-_REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
-_UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
 _WATCHED = 20.0  # times the least time of a step, that it is watched at least
 _HOUR = 3600.0  # s
 _SLOW = 0.03  # m/s
-_TURNED = "its supervisor turns it round"
-_TICK = 0.3  # s, of a supervisor where no controller says it; its depth limit hardly depends on it
 
 
 class Scenario(NamedTuple):
@@ -75,20 +64,10 @@ def _scenarios() -> Iterator[tuple[Scenario, ...]]:
 
 SCENARIOS, FLOAT_SCENARIOS = _scenarios()
 
-BAND = 10.0  # m, within which such a float has come to its depth, as those of Argo count
-
 
 def scenarios_of(vehicle: Vehicle) -> tuple[Scenario, ...]:
     """Return what is flown with a vehicle."""
     return FLOAT_SCENARIOS if vehicle.command == "volume change" else SCENARIOS
-
-
-class Places(NamedTuple):
-    """Between which depths a vehicle's laws are compared [m], and what ends the range."""
-
-    least: float
-    most: float
-    words: str
 
 
 class Placed(NamedTuple):
@@ -103,65 +82,6 @@ class Placed(NamedTuple):
     def is_step(self) -> bool:
         """Whether the depth is to change."""
         return self.start != self.target
-
-
-def places(
-    vehicle: Vehicle, given: tuple[float, float] | None = None, *, supervised: bool = True
-) -> Places:
-    """Return the range of depths: that given [m], or what rating, stroke and supply allow.
-
-    supervised: and the supervisor, which turns a vehicle round above that. It begins where the hull
-    is under water.
-
-    Raises InputError for no range and for one beyond the supervisor's, NoAnswerError where the
-    vehicle itself does not reach what was given.
-    """
-    top = max(vehicle.hull.emergence_depth, 0.0)
-    if vehicle.command == "volume change":
-        top = max(top, 2.0 * BAND)  # near the surface its processor acts, not the law
-    reach, why = _reach(vehicle, supervised=supervised)
-    if given is None:
-        most = _REACH * reach
-        words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
-        if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
-            most = top + _UNSTATED
-            words = f"down to {most:g} m, as the vehicle states no rating (`depth_range=`)"
-        if most <= top:
-            at = f"{why} at {rounded(reach, 3)} m"
-            raise NoAnswerError(f"there is no depth to compare laws at: {at}")
-        return Places(top, most, words)
-    least, most = max(given[0], top), given[1]
-    if not (given[0] >= 0.0 and least < most < math.inf):
-        remedy = "Give the least and the greatest, like 0:10"
-        raise refused_depths("no range of depths under water", given, remedy)
-    if most >= reach and why == _TURNED:
-        raise turned_round(most, reach, "depth_range")
-    if most >= reach:
-        raise NoAnswerError(
-            f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Compare laws for "
-            "less depth, or give it more stroke or a higher supply"
-        )
-    return Places(least, most, "as given")
-
-
-def _reach(vehicle: Vehicle, *, supervised: bool) -> tuple[float, str]:
-    """Return the depth [m] that ends the vehicle's range, and what happens there."""
-    floats = vehicle.command == "volume change"
-    p = body_plant(vehicle) if floats else plant(vehicle)
-    found = [(math.inf, ""), (neutral_end(p), "its neutral volume leaves the stroke")]
-    if vehicle.hull.depth_limit is not None:
-        found.append((vehicle.hull.depth_limit, "its rating ends"))
-    if vehicle.voltage_driven:
-        weak = p._replace(supply=LOW_SUPPLY * p.supply)
-        held = stall(weak, depth=0.0, depth_limit=None).holding_depth
-        found.append((held, f"the motor stalls with {weak.supply:.3g} V"))
-    if supervised:
-        own = vehicle.controller
-        limits = supervisor_parameters(vehicle, _TICK if own is None else own.sample_time)
-        found.append((limits.deep.depth_limit, _TURNED))
-    if floats:
-        found.append((pump_stall(vehicle, depth=0.0).holding_depth, "the pump stalls"))
-    return min(found)
 
 
 def place(scenario: Scenario, vehicle: Vehicle, where: Places) -> Placed:

@@ -24,18 +24,12 @@ from numpy.typing import ArrayLike
 from swimbladder.control.law import leaves
 from swimbladder.control.registry import bind
 from swimbladder.design.law_comparison import contenders
-from swimbladder.design.law_comparison.contenders import (
-    BAND,
-    GOALS,
-    Contender,
-    Placed,
-    Places,
-    Scenario,
-)
+from swimbladder.design.law_comparison.contenders import GOALS, Contender, Placed, Scenario
 from swimbladder.design.linear.sampled import BoundLaw
 from swimbladder.design.planning import least_time
 from swimbladder.design.tuning import trial
 from swimbladder.design.tuning.region import Region, region
+from swimbladder.design.tuning.run import BAND, LOW, Places, places
 from swimbladder.design.tuning.trial import ALONE, BOARD, SUPERVISED, Drawn, Trial, summarise
 from swimbladder.errors import NoAnswerError, SwimbladderError, check_counts
 from swimbladder.io.answers import Answer, as_json
@@ -404,7 +398,7 @@ def compare_laws(
     check_counts(runs=(runs, _FEWEST), seed=(seed, 0))
     everyone = contenders.own(vehicle)
     names, not_compared = contenders.choose_laws(vehicle, laws)
-    where = contenders.places(vehicle, depth_range, supervised=supervised)
+    where = places(vehicle, depth_range, supervised=supervised)
     medium_of(vehicle, cast, reach=where.most)  # refuses a cast that ends above
     if cast is not None and cast.cast is not None:
         asked = None if depth_range is None else depth_range[1]
@@ -532,7 +526,7 @@ def _assumptions(
     if supervised and any(one.tuning == contenders.PAPER for one in contenders.own(vehicle)):
         found.append("the paper's law flies alone, as the paper has it")
     if vehicle.supply is not None and vehicle.command != "volume change":
-        weak = contenders.LOW_SUPPLY * vehicle.supply.voltage
+        weak = LOW * vehicle.supply.voltage
         found.append(f"a low battery gives {weak:.3g} V, which the tuned laws assume")
     found += [f"vehicles drawn: {words}" for words in around.words]
     if column is not None:

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 from swimbladder.control.law import Law, leaves
 from swimbladder.control.registry import bind, check_command, controller_of, own_law
 from swimbladder.control.supervisor_limits import supervisor_parameters
-from swimbladder.design.linear.depths import stall
+from swimbladder.design.linear.depths import neutral_end, stall
 from swimbladder.design.linear.pump_valve import moved_by_volume, pump_stall
 from swimbladder.design.tuning import gains, trial
 from swimbladder.design.tuning.gains import broken, least_of, limiting, promise_of, violation
@@ -27,7 +27,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.jobs import each
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.buoyancy_engine import at_voltage, check_power_known
-from swimbladder.physics.dynamics import Plant, plant
+from swimbladder.physics.dynamics import Plant, body_plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.physics.seawater.cast import check_cast_unit
 from swimbladder.sim.closed_loop.checks import turned_round
@@ -116,7 +116,7 @@ _SEARCHED = 0.9  # of the work, before what limits gains is looked for
 _SHORTER, _FASTER = 4.0, 2.0  # times as short a sample, as fast a motor, that may be needed
 _FEW = 40  # runs while that is found out
 _LEAST_RUNS = 20  # of a trial
-_LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
+LOW = 0.9  # of the supply's voltage, a battery that is nearly empty
 _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
@@ -128,6 +128,12 @@ _LIMITED = (
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _ROWS = 201  # depths at which a cast's layers are looked at
+_USUAL_DEPTH = 10.0  # m, down to which a motor's law is tuned where no depths are asked for
+_REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
+_UNSTATED = 10.0  # m, that a vehicle of no stated rating is taken to
+_TURNED = "its supervisor turns it round"
+_TICK = 0.3  # s, of a supervisor where no controller says it; its depth limit hardly depends on it
+BAND = 10.0  # m, within which a float has come to its depth, as those of Argo count
 _ASKED = "(`depth_range=`, `step=`)"
 
 
@@ -135,7 +141,7 @@ class Asked(NamedTuple):
     """What gains are to be for, see `tune`."""
 
     goal: str = "fast"
-    depth_range: tuple[float, float] = (0.0, 10.0)  # m
+    depth_range: tuple[float, float] | None = None  # m
     sample_time: float | None = None  # s
     delay: float = 0.1  # of the sample time
     supply: float | None = None  # V
@@ -162,7 +168,7 @@ def tune(
     *,
     law: str | None = None,
     goal: str = _USUAL.goal,
-    depth_range: tuple[float, float] = _USUAL.depth_range,
+    depth_range: tuple[float, float] | None = _USUAL.depth_range,
     sample_time: float | None = _USUAL.sample_time,
     delay: float = _USUAL.delay,
     supply: float | None = _USUAL.supply,
@@ -187,7 +193,8 @@ def tune(
         depth is held; of a pump and valve least power) or energy (least electrical energy for a
         step and holding).
     depth_range
-        Least and greatest [m].
+        Least and greatest [m]; none: 0 to 10 m, of a pump and valve from 20 m to four fifths of
+        what rating, stroke, supply and supervisor allow.
     sample_time
         Of the law [s]; none: that of the vehicle's controller.
     delay
@@ -242,12 +249,11 @@ def search_gains(
 
     explained: whether, where there are none, an error says what would give one of the laws some.
     """
-    goal, depths, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
+    goal, given, sample_time, delay, supply, step, hold, runs, cast, supervised = asked
     check_choice(goal, gains.GOALS, "no such goal", field="goal")
     names = laws_for(vehicle, goal) if law is None else [law]
     for name in names:
         _check(vehicle, name, goal, hold)
-    gains.check_depths(depths)
     how = "Give a share of the sample time"
     check_number(delay, "delay", least=0.0, below=1.0, remedy=how)
     if runs < _LEAST_RUNS:
@@ -255,11 +261,17 @@ def search_gains(
     h = vehicle.sampled_every(sample_time)
     noisy, sensor = _with_noise(vehicle)
     pumped = vehicle.command == "volume change"
+    depths, why = given or (0.0, 0.0), ""
+    if given is None:
+        low, most, why = places(noisy, supervised=supervised)
+        most = min(most, math.inf if pumped else _USUAL_DEPTH, cast.deepest if cast else math.inf)
+        depths = low if pumped else 0.0, most
+    gains.check_depths(depths)
     weak, around = _least_supply(noisy, supply), region(noisy)
     ends = depths if pumped and step is None else _step(depths, step)
     way = abs(ends[1] - ends[0])
     for name in names if pumped else ():
-        _check_way(noisy, depths, way, _held(noisy, gains.tunable(name), goal, hold))
+        _check_way(depths, way, _held(noisy, gains.tunable(name), goal, hold))
     judged = tuple(sorted({*depths, *ends}))
     if cast is not None and cast.cast is not None:
         check_cast_unit(cast.cast, judged[-1], noisy.hull.depth_limit)
@@ -270,16 +282,13 @@ def search_gains(
     request = _Request(
         vehicle=noisy,
         sensor=sensor,
-        goal=goal,
+        asked=asked,
         depths=depths,
+        why=why,
         sample_time=h,
         delay=delay * h,
         supply=weak,
         ends=ends,
-        hold=hold,
-        runs=runs,
-        column=cast,
-        supervised=supervised,
         around=around,
         judged=judged,
         off=layers.along(np.linspace(judged[0], judged[-1], _ROWS)),
@@ -298,22 +307,88 @@ def search_gains(
     tuned = {name: x for name in names if isinstance(x := outcomes[name], Tuned)}
     found = {name: x.answer for name, x in tuned.items()}
     unfit = {name: error for name in names if isinstance(error := outcomes[name], SwimbladderError)}
+    reasons = {name: str(error) for name, error in unfit.items()}
     if not found:
         refused = [name for name in names if isinstance(unfit[name], NoAnswerError)]
         with threadpool_limits(limits=1, user_api="blas"):
             instead = request.instead(refused) if explained else ""
-        reasons = {name: str(error).rstrip(".") for name, error in unfit.items()}
-        if len(names) > 1:
-            why = "; ".join(f"{name}: {reason}" for name, reason in reasons.items())
-            raise NoAnswerError(f"no law has gains for this. {why}. {instead}".rstrip())
-        if instead:
-            raise NoAnswerError(f"{reasons[names[0]]}. {instead}")
-        raise unfit[names[0]]
+        if len(names) == 1 and not instead:
+            raise unfit[names[0]]
+        if len(names) == 1:
+            raise NoAnswerError(f"{reasons[names[0]].rstrip('.')}. {instead}")
+        why = "; ".join(f"{name}: {reason.rstrip('.')}" for name, reason in reasons.items())
+        raise NoAnswerError(f"no law has gains for this. {why}. {instead}".rstrip())
     taken, why = choose(found, goal)
     if len(found) == 1 < len(names):
         why = f"The law {taken} is the only one that has gains for this."
-    reasons = {name: str(error) for name, error in unfit.items()}
     return tuned[taken]._replace(answer=replace(found[taken], choice=why, unfit=reasons))
+
+
+class Places(NamedTuple):
+    """Between which depths a vehicle's laws are compared [m], and what ends the range."""
+
+    least: float
+    most: float
+    words: str
+
+
+def places(
+    vehicle: Vehicle, given: tuple[float, float] | None = None, *, supervised: bool = True
+) -> Places:
+    """Return a vehicle's range of depths: that given [m], or what rating, stroke and supply allow.
+
+    supervised: and the supervisor, which turns a vehicle round above that. It begins where the hull
+    is under water.
+
+    Raises InputError for no range and for one beyond the supervisor's, NoAnswerError where the
+    vehicle itself does not reach what was given.
+    """
+    top = max(vehicle.hull.emergence_depth, 0.0)
+    if vehicle.command == "volume change":
+        top = max(top, 2.0 * BAND)  # near the surface its processor acts, not the law
+    reach, why = _reach(vehicle, supervised=supervised)
+    if given is None:
+        most = _REACH * reach
+        words = f"down to {100.0 * _REACH:.0f} % of {rounded(reach, 3)} m, where {why}"
+        if vehicle.hull.depth_limit is None and most > top + _UNSTATED:
+            most = top + _UNSTATED
+            words = f"down to {most:g} m, as the vehicle states no rating (`depth_range=`)"
+        if most <= top:
+            at = f"{why} at {rounded(reach, 3)} m"
+            raise NoAnswerError(f"there is no depth for a law: {at}")
+        return Places(top, most, words)
+    least, most = max(given[0], top), given[1]
+    if not (given[0] >= 0.0 and least < most < math.inf):
+        remedy = "Give the least and the greatest, like 0:10"
+        raise gains.refused_depths("no range of depths under water", given, remedy)
+    if most >= reach and why == _TURNED:
+        raise turned_round(most, reach, "depth_range")
+    if most >= reach:
+        raise NoAnswerError(
+            f"the vehicle cannot be held at {most:g} m: at {reach:.4g} m {why}. Ask for "
+            "less depth, or give it more stroke or a higher supply"
+        )
+    return Places(least, most, "as given")
+
+
+def _reach(vehicle: Vehicle, *, supervised: bool) -> tuple[float, str]:
+    """Return the depth [m] that ends the vehicle's range, and what happens there."""
+    floats = vehicle.command == "volume change"
+    p = body_plant(vehicle) if floats else plant(vehicle)
+    found = [(math.inf, ""), (neutral_end(p), "its neutral volume leaves the stroke")]
+    if vehicle.hull.depth_limit is not None:
+        found.append((vehicle.hull.depth_limit, "its rating ends"))
+    if vehicle.voltage_driven:
+        weak = p._replace(supply=LOW * p.supply)
+        held = stall(weak, depth=0.0, depth_limit=None).holding_depth
+        found.append((held, f"the motor stalls with {weak.supply:.3g} V"))
+    if supervised:
+        own = vehicle.controller
+        limits = supervisor_parameters(vehicle, _TICK if own is None else own.sample_time)
+        found.append((limits.deep.depth_limit, _TURNED))
+    if floats:
+        found.append((pump_stall(vehicle, depth=0.0).holding_depth, "the pump stalls"))
+    return min(found)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -322,16 +397,13 @@ class _Request:
 
     vehicle: Vehicle  # with a sensor as noisy as its logs were
     sensor: str  # how noisy that is, in words
-    goal: str
+    asked: Asked
     depths: tuple[float, float]  # m
+    why: str  # these depths, where none are asked for
     sample_time: float  # s
     delay: float  # s, from a sample to its command
     supply: float  # V, the least
     ends: tuple[float, float]  # m, of the trials' step
-    hold: float | None  # m rms
-    runs: int
-    column: Column | None
-    supervised: bool
     around: Region
     judged: tuple[float, ...]  # m, where margins are computed
     off: Array  # m3, that a cast adds to the neutral volume over these depths
@@ -341,7 +413,7 @@ class _Request:
         """Return the request with something else: a faster vehicle, a shorter sample."""
         made = replace(self, **changes)
         times = {"supply": made.supply, "sample_time": made.sample_time}
-        least = least_of(made.vehicle, made.goal, made.ends, **times)
+        least = least_of(made.vehicle, made.asked.goal, made.ends, **times)
         return replace(made, around=region(made.vehicle), least_time=least)
 
     def others(self, name: str, runs: int = _FEW) -> dict[tuple[str, str], Callable[[], float]]:
@@ -352,9 +424,8 @@ class _Request:
             return {}
         h, vehicle = self.sample_time / _SHORTER, self.vehicle
         sample = f"the sample time of {self.sample_time:g} s", f"a sample time of {h:g} s"
-        changes: dict[tuple[str, str], dict[str, Any]] = {
-            sample: {"sample_time": h, "delay": self.delay / _SHORTER},
-        }
+        changes: dict[tuple[str, str], dict[str, Any]]
+        changes = {sample: {"sample_time": h, "delay": self.delay / _SHORTER}}
         faster = "the speed of the motor", f"a motor {_FASTER:g} times as fast"
         if isinstance(vehicle.engine, Positioner):
             speed = _FASTER * vehicle.engine.speed
@@ -365,8 +436,8 @@ class _Request:
 
         def after(change: Mapping[str, Any]) -> float:
             try:
-                few = min(self.runs, runs)
-                return self.but(**change, runs=few).tuned(name, silent).off
+                few = self.asked._replace(runs=min(self.asked.runs, runs))
+                return self.but(**change, asked=few).tuned(name, silent).off
             except SwimbladderError:
                 return math.inf
 
@@ -376,29 +447,26 @@ class _Request:
         """Return what would give one of the laws gains that have none, as a sentence; empty for a
         float's. The first whose gains would be proven, or the one that is nearest to that.
         """
-        least, found, tried = math.inf, "", dict[str, None]()
-        for name in names:
-            for (_, instead), off in self.others(name, _LEAST_RUNS).items():
-                if (left := off()) < least:
-                    proven = "" if left == 0.0 else ", though unproven ones"
-                    found = f"With {instead} the law {name} has gains for this{proven}."
-                    least = left
-                if left == 0.0:
-                    return found
-                tried[instead] = None
+        least, found = math.inf, ""
+        tried = [(n, x, off) for n in names for (_, x), off in self.others(n, _LEAST_RUNS).items()]
+        for name, instead, off in tried:
+            if least > 0.0 and (left := off()) < least:
+                proven = "" if left == 0.0 else ", though unproven ones"
+                found = f"With {instead} the law {name} has gains for this{proven}."
+                least = left
         which = f"the law {names[0]} any" if len(names) == 1 else "any of them gains"
-        none = f"Neither {' nor '.join(tried)} would give {which}." if tried else ""
+        ways = dict.fromkeys(instead for _, instead, _ in tried)
+        none = f"Neither {' nor '.join(ways)} would give {which}." if ways else ""
         return found or none
 
     def tuned(self, name: str, advance: Advance) -> Tuned:
         """Return the gains of the law of that name; raises as `tune` does."""
-        vehicle, goal, depths, ends = self.vehicle, self.goal, self.depths, self.ends
+        vehicle, goal, depths, ends = self.vehicle, self.asked.goal, self.depths, self.ends
         h, supply, around, judged = self.sample_time, self.supply, self.around, self.judged
         chosen, recipe = gains.tunable(name), gains.recipe_of(name)
-        pumped = self.pumped
         way = abs(ends[1] - ends[0])
-        held = _held(vehicle, chosen, goal, self.hold)
-        neutral = around.neutral if pumped else max(_NEUTRAL * around.neutral, _LEAST_NEUTRAL)
+        held = _held(vehicle, chosen, goal, self.asked.hold)
+        neutral = around.neutral if self.pumped else max(_NEUTRAL * around.neutral, _LEAST_NEUTRAL)
         neutral += float(np.abs(self.off).max())
         setting = gains.setting_of(
             vehicle, sample_time=h, supply=supply, neutral_range=neutral, depths=judged
@@ -410,10 +478,15 @@ class _Request:
             long = _watched(vehicle, supply, way, h)
         watched = trial.Step(*ends, long)
         drawn = trial.Drawn(
-            self.runs, around, supply, self.column, supervised=self.supervised, tick=h
+            self.asked.runs,
+            around,
+            supply,
+            self.asked.cast,
+            supervised=self.asked.supervised,
+            tick=h,
         )
         promise = promise_of(
-            vehicle, goal, least=self.least_time, held=held, supervised=self.supervised
+            vehicle, goal, least=self.least_time, held=held, supervised=self.asked.supervised
         )
         asked = gains.Goal(goal, held, judged, watched, drawn, promise)
         search = gains.Search(chosen, vehicle, setting, asked, self.delay, advance)
@@ -424,7 +497,7 @@ class _Request:
         unmet = tuple(words for words, _ in broken(promise, found.region))
         laws = (bound, *([] if search.fastest is None else [search.bound(search.fastest)]))
         waves = math.nan
-        if self.supervised and not pumped:
+        if self.asked.supervised and not self.pumped:
             depth = min(max(_IN_WAVES, depths[0]), depths[1])
             waves = trial.alarms_in_waves(vehicle, bound, depth, drawn)
         limit = partial(limiting, vehicle, laws, watched, drawn, promise, found.region)
@@ -442,7 +515,7 @@ class _Request:
             judged=judged,
             supply=supply,
             held=held,
-            band=trial.arrival_band(bound, watched) if pumped else 0.0,
+            band=trial.arrival_band(bound, watched) if self.pumped else 0.0,
             assumptions=self._assumptions(),
             plants=around.plants,
             least=promise.least,
@@ -464,15 +537,17 @@ class _Request:
 
         How many days a float's mission takes nobody but its owner knows; `firmware` asks.
         """
-        return self.supervised and self.vehicle.supervisor.time_limit is None and not self.pumped
+        return (
+            self.asked.supervised and self.vehicle.supervisor.time_limit is None and not self.pumped
+        )
 
     def _vehicle(self, controller: Controller) -> Vehicle:
         """Return the vehicle with a controller, and where trials had one, with its supervisor."""
         vehicle, (low, high) = self.vehicle, self.depths
-        origin = {"controller.parameters": f"tuned for {self.goal}, {low:g} to {high:g} m"}
+        origin = {"controller.parameters": f"tuned for {self.asked.goal}, {low:g} to {high:g} m"}
         own = controller.model_copy(update={"depths": self.depths})
         made = {"controller": own, "provenance": {**vehicle.provenance, **origin}}
-        if self.supervised:
+        if self.asked.supervised:
             limited = {"time_limit": _TIME_LIMIT} if self.unlimited else {}
             # so that `simulate` flies it as well
             made["supervisor"] = vehicle.supervisor.model_copy(update=limited)
@@ -480,19 +555,20 @@ class _Request:
 
     def _assumptions(self) -> tuple[str, ...]:
         """Return what trials and margins assume."""
-        pumped = self.pumped
-        together = trial.BOARD if pumped else trial.SUPERVISED
-        how = together if self.supervised else trial.ALONE
+        together = trial.BOARD if self.pumped else trial.SUPERVISED
+        how = together if self.asked.supervised else trial.ALONE
         found = [*self.around.words, self.sensor, how, *_outside(self.depths, self.ends)]
+        if self.why and self.depths[1] != _USUAL_DEPTH:
+            found.append(f"no depths are asked for (`depth_range=`): the vehicle's own, {self.why}")
         if self.unlimited:
             found.append(_LIMITED)
-        found += _in_water(self.column, self.off, pumped=pumped)
+        found += _in_water(self.asked.cast, self.off, pumped=self.pumped)
         if math.isfinite(self.supply):
             found.append(f"the supply falls to {self.supply:.3g} V")
         else:
-            mover = "pump" if pumped else "positioner"
+            mover = "pump" if self.pumped else "positioner"
             found.append(f"the {mover} moves {1e6 * _supplied(self.vehicle).rate:.3g} cm3/s")
-        if not pumped:
+        if not self.pumped:
             found.append(f"a command comes {1e3 * self.delay:.3g} ms after its sample")
         return tuple(found)
 
@@ -516,12 +592,11 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         check_power_known(vehicle, "tune for quiet, which moves least")
 
 
-def _check_way(vehicle: Vehicle, depths: tuple[float, float], way: float, held: float) -> None:
+def _check_way(depths: tuple[float, float], way: float, held: float) -> None:
     """Raise InputError where a float's way [m] is within the band that its law keeps [m]."""
     if way <= 2.0 * held:
         what = f"the way is no longer than the band of {held:g} m to either side that the law keeps"
-        far = 0.75 * (vehicle.hull.depth_limit or 2000.0)
-        remedy = f"Give depths farther apart, like {far / 15:.4g}:{far:.4g}, or a smaller `hold=`"
+        remedy = "Give depths farther apart, state hull.depth_limit, or give a smaller `hold=`"
         raise gains.refused_depths(what, depths, remedy)
 
 
@@ -541,7 +616,7 @@ def _least_supply(vehicle: Vehicle, given: float | None) -> float:
         pumped = vehicle.command == "volume change"
         what = f"a {'power law of a pump' if pumped else 'positioner'} has a supply of its own"
         raise InputError(what, field="supply", value=given, unit="V", remedy="Leave it out")
-    least = _LOW * p.supply if given is None else given
+    least = LOW * p.supply if given is None else given
     if not 0.0 < least <= p.supply:
         what = "the least supply must be above 0 and not above the vehicle's"
         remedy = f"Give more than 0 V, and up to {p.supply:g} V"
