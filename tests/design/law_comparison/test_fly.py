@@ -12,10 +12,10 @@ from swimbladder.design.law_comparison.contenders import (
     Scenario,
     own,
     place,
-    places,
 )
 from swimbladder.design.law_comparison.run import fly_scenario, no_energy
 from swimbladder.design.tuning.region import region
+from swimbladder.design.tuning.run import places
 from swimbladder.design.tuning.trial import Drawn, Measured, Runs, measure, summarise
 from swimbladder.io.config import load_vehicle
 from swimbladder.sim.closed_loop import simulate

@@ -2,8 +2,9 @@
 
 import pytest
 
-from swimbladder.design.law_comparison.contenders import SCENARIOS, place, places
+from swimbladder.design.law_comparison.contenders import SCENARIOS, place
 from swimbladder.design.planning import least_time
+from swimbladder.design.tuning.run import places
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.io.config import load_vehicle
 from tests.quoted import refused

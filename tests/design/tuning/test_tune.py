@@ -486,7 +486,12 @@ LIGHT = FEUP.model_copy(
         (FEUP, {"depth_range": (0.0, 90.0)}, NoAnswerError, "outside its stroke"),
         (FEUP, {"step": (1.5, 95.0)}, NoAnswerError, "at 95 m the vehicle is neutral at 383.8"),
         (FEUP, {"step": (1.5, 300.0)}, NoAnswerError, "rated for 100 m"),
-        (FEUP, {"depth_range": (0.0, 86.5)}, NoAnswerError, "anywhere from 347.5 to 351.5 cm3"),
+        (
+            FEUP,
+            {"depth_range": (0.0, 86.5)},
+            NoAnswerError,
+            "347.5 cm3 to 351.5 cm3 over the region",
+        ),
         (
             LIGHT,
             {"depth_range": (5.0, 60.0)},

@@ -102,18 +102,26 @@ def test_tuning_says_and_feels_it(column):
 
 
 @pytest.mark.prove
-def test_a_supervisor_that_knows_nothing_of_the_layers_is_refused(column):
-    """They move the neutral volume by more than it allows; one that allows it flies."""
+def test_a_supervisor_is_written_for_the_layers_unless_it_says_less(column):
+    """They move the neutral volume by more than is usual, by which a healthy vehicle came up."""
     given = {"law": "planned", "depth_range": (0.0, 6.0), "step": (1.5, 5.0), "runs": 20}
+    narrow = FEUP.model_copy(update={"supervisor": Supervisor(neutral_change=17.5e-6)})
     said = "the supervisor takes a healthy vehicle for a faulty one and brings it up"
     with pytest.raises(NoAnswerError, match=said):
-        tune(FEUP, cast=column, **given)
-    wide = FEUP.model_copy(update={"supervisor": Supervisor(neutral_change=75e-6)})
-    found = tune(wide, cast=column, **given)
+        tune(narrow, cast=column, **given)
+    found = tune(FEUP, cast=column, **given)
     assert found.region.alarms == 0.0
-    limited = wide.supervisor.model_copy(update={"time_limit": 7200.0})
-    assert found.result_vehicle.supervisor == limited
     assert "What limits it is the water of the cast" in found.verdict
+    wide = found.result_vehicle
+    # by density: the mass displaces less of heavier water, hull and mean over its height aside
+    rho = np.interp([1.0, 6.0], column.depth, column.density)
+    mass = FEUP.water.density * FEUP.hull.displaced_volume
+    assert wide.supervisor.neutral_change == pytest.approx(1.2 * mass * np.ptp(1 / rho), rel=0.1)
+    assert any("[supervisor] is written so" in words for words in found.assumptions)
+    way = {"setpoints": [(0.0, 1.0), (200.0, 6.0), (600.0, 2.0)], "duration": 900.0}
+    for vehicle, alarmed in ((wide, False), (wide.but("supervisor", neutral_change=None), True)):
+        ran = sb.simulate(vehicle, cast=column, start_depth=1.0, **way)
+        assert (ran.alarm is not None) == alarmed
 
 
 def test_a_cast_that_ends_above_is_refused(column):

@@ -221,17 +221,6 @@ def violation(promise: Promise, found: Trial) -> float:
     return max((times for _, times in broken(promise, found)), default=0.0)
 
 
-def noise_limits(
-    vehicle: Vehicle, law: BoundLaw, step: Step, drawn: Drawn, promise: Promise, found: Trial
-) -> bool:
-    """Return whether gains that do not keep a promise in a trial come nearer without any noise."""
-    quiet = _silent(vehicle)
-    if quiet == vehicle:
-        return False
-    without = trial_of(quiet, law, step, drawn, ballast=promise.ballast)
-    return violation(promise, without) <= _HELPS * violation(promise, found)
-
-
 def _silent(vehicle: Vehicle) -> Vehicle:
     return vehicle.but("sensors", depth_noise=0.0, depth_quantum=0.0)
 
@@ -718,8 +707,12 @@ class Search:
             return False
         if goal != "fast":
             return True
-        flown = self.vehicle, self.bound(tuning), step, drawn._replace(runs=over.runs)
-        return bool(self.recipe.shares) or noise_limits(*flown, promise, over)
+        quiet = _silent(self.vehicle)
+        if self.recipe.shares or quiet == self.vehicle:
+            return bool(self.recipe.shares)
+        flown = quiet, self.bound(tuning), step, drawn._replace(runs=over.runs)
+        without = violation(promise, trial_of(*flown, ballast=promise.ballast))
+        return without <= _HELPS * violation(promise, over)
 
     def _compared(self, scale: float, part: float) -> list[tuple[tuple[float, ...], Any, Trial]]:
         """Return trials of candidates with their options, the best first; arguments as there."""

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from swimbladder.control.law import Law, Setting, leaves
@@ -12,8 +13,10 @@ from swimbladder.design.tuning.margins import MARGINS, loops, margin_words
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.physics.dynamics import Plant
-from swimbladder.units import rounded
+from swimbladder.units import rounded, say
 from swimbladder.vehicle import Vehicle
+
+_say = partial(say, "design", "tuning")
 
 _WIDER = 3.0  # times the rms of a hold, that a band has to be to stand out from it
 
@@ -103,34 +106,18 @@ class Tuning(gains.Found, Answer):
         if self.law.ways is not None:
             return (*first, *self._float_sentences)
         m, r, n = self.margins, self.region, self.nominal
-        settled = (
-            f"The step from {self.step.start:g} to {self.step.target:g} m settles to 2 % in "
-            f"{_seconds(n.settle_median)} (median of {n.runs} runs of the nominal vehicle), "
-            f"{_seconds(r.settle_95)} in 95 % of {r.runs} runs over the region{self._low}, "
-            f"{_seconds(r.slowest)} in all of them; overshoot "
-            f"{100.0 * n.overshoot_median:.1f} % and {100.0 * r.overshoot_95:.1f} %."
-        )
-        held = (
-            f"Held at {self.step.target:g} m it stays within {1e3 * r.rms:.2g} mm rms and moves "
-            f"{3.6e6 * r.rate:.2g} L of volume in {3600.0 * r.starts:.0f} starts from rest and "
-            f"{3600.0 * r.turns:.0f} reversals an hour."
-        )
+        median, most, slowest = map(_seconds, (n.settle_median, r.settle_95, r.slowest))
+        settled = _say("settles", t=self, median=median, most=most, slowest=slowest)
+        held = _say("is held", t=self, hour=_hourly(r))
         if math.isfinite(self.least):
             settled += f" No controller can do it in less than {self.least:.4g} s."
         sentences = [*first, settled, held]
         band = 0.02 * abs(self.step.target - self.step.start)
         if band < _WIDER * r.rms:
-            sentences.insert(
-                -1,
-                f"2 % of that step are {1e3 * band:.2g} mm, hardly more than it is held to: when "
-                "it settles is hardly informative. Use a longer step (`step=`).",
-            )
+            sentences.insert(-1, _say("short step", band=band))
         if math.isfinite(r.energy):
-            sentences.append(
-                f"The motor takes {rounded(r.energy, 3)} J in the "
-                f"{self.step.duration / 60.0:.3g} min of a trial and {rounded(1e3 * r.power, 3)} "
-                "mW while it holds (region, at its terminals)."
-            )
+            joules, power = rounded(r.energy, 3), rounded(1e3 * r.power, 3)
+            sentences.append(_say("motor takes", joules=joules, power=power, step=self.step))
         if self.ballast and math.isfinite(r.ballast):
             off = f"With its ballast off by {1e6 * self.ballast:.3g} g to either side"
             sentences.append(f"{off} it settles in {r.ballast:.1f} s.")
@@ -148,27 +135,12 @@ class Tuning(gains.Found, Answer):
     def _float_sentences(self) -> tuple[str, ...]:
         n, r = self.nominal, self.region
         low, high = sorted((self.step.start, self.step.target))
-        sentences = [
-            f"Between {low:g} and {high:g} m it arrives within {self.band:.3g} m after "
-            f"{_hours(n.settle_median)} (median of {n.runs} flights of the nominal vehicle, half "
-            f"of them up), {_hours(r.settle_95)} in 95 % of {r.runs} flights over the region"
-            f"{self._low}; {100.0 * r.settled:.0f} % of these arrive and stay, overshoot "
-            f"{100.0 * r.overshoot_95:.1f} %.",
-            f"There it stays within {r.rms:.2g} m rms with {3600.0 * r.starts:.2g} starts of the "
-            f"pump and {3600.0 * r.turns:.2g} openings of the valve an hour, "
-            f"{3600e6 * r.rate:.2g} cm3 an hour.",
-        ]
+        median, most = map(_hours, (n.settle_median, r.settle_95))
+        sentences = [_say("arrives", t=self, low=low, high=high, median=median, most=most)]
+        sentences.append(_say("stays", t=self, hour=_hourly(r)))
         if math.isfinite(r.energy):
-            sentences.append(
-                f"Pump and valve take {r.energy:.3g} J in the {self.step.duration / 3600.0:.3g} "
-                f"h of a flight and {3600.0 * r.power:.3g} J an hour while it holds (region, from "
-                "the battery's cells)."
-            )
-        sentences.append(
-            f"Over {len(self.plants)} vehicles of the region errors of the speed decay from one "
-            f"decision to the next: the largest eigenvalue has the modulus {self.radius:.3f}."
-        )
-        return tuple(sentences)
+            sentences.append(_say("drive takes", t=self, hour=_hourly(r)))
+        return (*sentences, _say("decisions decay", plants=len(self.plants), radius=self.radius))
 
     def to_dict(self) -> dict[str, Any]:
         """Return it in SI units, ready for JSON; None where a run never settles."""
@@ -201,6 +173,12 @@ TRIAL = (
     "power_W"
 )
 """Numbers of a trial, as `io.answers.as_json` takes them."""
+
+
+def _hourly(r: trial.Trial) -> trial.Trial:
+    """Return a trial with what it moves [m3], starts, turns and takes [J] in an hour."""
+    names = ("rate", "starts", "turns", "power")
+    return r._replace(**{name: 3600.0 * getattr(r, name) for name in names})
 
 
 def _hours(x: float) -> str:

@@ -127,6 +127,7 @@ _LIMITED = (
 )
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
+_SPARE = 1.2  # times the change of the neutral volume that a cast has, that is allowed
 _ROWS = 201  # depths at which a cast's layers are looked at
 _USUAL_DEPTH = 10.0  # m, down to which a motor's law is tuned where no depths are asked for
 _REACH = 0.8  # of the depth at which stroke or supply end: where a vehicle is still to be steered
@@ -277,6 +278,9 @@ def search_gains(
         check_cast_unit(cast.cast, judged[-1], noisy.hull.depth_limit)
     layers = medium_of(noisy, cast, reach=judged[-1]).layers
     _check_reach(noisy, judged, weak, around, layers)
+    off = layers.along(np.linspace(judged[0], judged[-1], _ROWS))
+    if supervised and not pumped:
+        noisy = _allowing(noisy, h, off)
     if supervised and judged[-1] > (limit := supervisor_parameters(noisy, h).deep.depth_limit):
         raise turned_round(judged[-1], limit, "depth_range" if depths[1] > limit else "step")
     request = _Request(
@@ -291,7 +295,7 @@ def search_gains(
         ends=ends,
         around=around,
         judged=judged,
-        off=layers.along(np.linspace(judged[0], judged[-1], _ROWS)),
+        off=off,
         least_time=least_of(noisy, goal, ends, supply=weak, sample_time=h),
     )
 
@@ -562,7 +566,9 @@ class _Request:
             found.append(f"no depths are asked for (`depth_range=`): the vehicle's own, {self.why}")
         if self.unlimited:
             found.append(_LIMITED)
-        found += _in_water(self.asked.cast, self.off, pumped=self.pumped)
+        allowed = self.vehicle.supervisor
+        widened = bool(allowed.neutral_change or allowed.neutral_range)
+        found += _in_water(self.asked.cast, self.off, pumped=self.pumped, widened=widened)
         if math.isfinite(self.supply):
             found.append(f"the supply falls to {self.supply:.3g} V")
         else:
@@ -590,6 +596,20 @@ def _check(vehicle: Vehicle, law: str, goal: str, hold: float | None) -> None:
         raise InputError(what, field="hold", value=hold, unit="m", remedy=remedy)
     if goal == "energy" and not pumped:
         check_power_known(vehicle, "tune for quiet, which moves least")
+
+
+def _allowing(vehicle: Vehicle, h: float, off: Array) -> Vehicle:
+    """Return a vehicle whose supervisor allows what a cast adds to the neutral volume, off [m3].
+
+    What its file says stays, and what is usual where that is as much.
+    """
+    own, p = vehicle.supervisor, supervisor_parameters(vehicle, h)
+    usual = p.motion.neutral_change, p.neutral.neutral_range
+    needed = _SPARE * float(np.ptp(off)), _SPARE * float(np.abs(off).max())
+    for name, least, most in zip(("neutral_change", "neutral_range"), usual, needed, strict=True):
+        if most > least and getattr(own, name) is None:
+            vehicle = vehicle.but("supervisor", **{name: most})
+    return vehicle
 
 
 def _check_way(depths: tuple[float, float], way: float, held: float) -> None:
@@ -659,22 +679,13 @@ def _check_reach(
     if rating is not None and deepest > rating:
         raise NoAnswerError(_say("rated", rating=rating, deepest=deepest, asked=_ASKED))
     stroke = vehicle.stroke
-    cure = f"Trim it otherwise, give it more stroke, or tune for other depths {_ASKED}"
     for depth in depths:
-        neutral = vehicle.neutral_volume(depth) + layers.at(depth)
-        if not stroke.lowest < neutral < stroke.highest:
-            raise NoAnswerError(
-                f"at {depth:g} m the vehicle is neutral at {1e6 * neutral:.4g} cm3, outside its "
-                f"stroke of {1e6 * stroke.lowest:g} to {1e6 * stroke.highest:g} cm3: no law holds "
-                f"it there. {cure}"
-            )
         each = [p.psi * depth + p.V_0 + layers.at(depth) for p in around.plants]
         low, high = min(each) - around.neutral, max(each) + around.neutral
         if not (stroke.lowest < low and high < stroke.highest):
+            at = f"at {depth:g} m the vehicle is neutral at {1e6 * each[0]:.4g} cm3"
             raise NoAnswerError(
-                f"at {depth:g} m the vehicle may be neutral anywhere from {1e6 * low:.4g} to "
-                f"{1e6 * high:.4g} cm3, beyond its stroke of {1e6 * stroke.lowest:g} to "
-                f"{1e6 * stroke.highest:g} cm3: no law holds all of these vehicles there. {cure}"
+                _say("beyond stroke", at=at, low=low, high=high, stroke=stroke, asked=_ASKED)
             )
     if vehicle.command == "volume change":
         pump = pump_stall(at_voltage(vehicle, supply), depth=deepest)
@@ -709,11 +720,16 @@ def _outside(depths: tuple[float, float], step: tuple[float, float]) -> list[str
     return [_say("step leaves depths", step=step, depths=depths, beyond=" and ".join(beyond))]
 
 
-def _in_water(column: Column | None, off: Array, *, pumped: bool) -> list[str]:
-    """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume."""
+def _in_water(column: Column | None, off: Array, *, pumped: bool, widened: bool) -> list[str]:
+    """Return what is to be said of a cast; off [m3]: what it adds to the neutral volume.
+
+    widened: whether the supervisor allows more than usual.
+    """
     if column is None:
         return []
     judged = "margins are those in the vehicle's own water"
+    if widened:
+        judged += ", and [supervisor] is written so that it allows that change"
     if pumped:
         judged = "decisions are judged with psi as that water has it at each depth"
     return [
