@@ -82,7 +82,7 @@ def test_a_float_dives_and_comes_up_again(capsys, tmp_path):
     assert abs(moved) < 1e-6
     spent = np.sum(columns["power_W"][:-1] * np.diff(columns["time_s"]))
     assert spent == pytest.approx(a["energy_J"], rel=0.05)  # runs end between samples
-    assert (tmp_path / "trajectory.png").stat().st_size > 10_000
+    assert (tmp_path / "trajectory.png").is_file()
     assert cf_problems(tmp_path / "trajectory.nc") == []
 
 
