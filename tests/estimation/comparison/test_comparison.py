@@ -89,7 +89,7 @@ def test_open_loop_agrees_with_scipy(float_vehicle, voyage):
     names = ("start_depth", "start_speed")
     c = compare(voyage, float_vehicle, free=names)
     assert c.record.drive == "volume"
-    assert c.rms < 1e-6
+    assert c.rms < 3e-6  # of the fit's steps in turbulent drag
     assert c.n == 300
     assert c.variance_explained == pytest.approx(1.0, abs=1e-9)
     assert c.fitted["start_depth"].value == pytest.approx(0.8, abs=1e-6)
@@ -172,7 +172,7 @@ def with_reference(log):
 def test_the_zero_of_the_volume_does_not_matter_unless_it_is_known(float_vehicle, voyage):
     shifted = replace(voyage, volume=voyage.volume + 2e-5, volume_absolute=False)
     c = compare(shifted, float_vehicle)
-    assert c.rms < 1e-6
+    assert c.rms < 3e-6
     assert any("neutral at the first sample" in note for note in c.notes)
     known = compare(replace(shifted, volume_absolute=True), float_vehicle, free=("start_speed",))
     assert known.rms > 0.3

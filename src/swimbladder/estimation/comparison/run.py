@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import pairwise
@@ -38,9 +38,10 @@ from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array, Flags
-from swimbladder.physics.dynamics import plant
+from swimbladder.physics.dynamics import Plant, plant
 from swimbladder.physics.seawater import Column
 from swimbladder.sim.closed_loop import Solution, drive, simulate
+from swimbladder.sim.closed_loop.replay import Course
 from swimbladder.vehicle import IdentifiedMotion, Vehicle
 
 _SPAN = 3.0  # s to each side, for the depth and speed at which a window starts
@@ -106,45 +107,68 @@ def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solu
 
     In the water of a cast there is none, and a depth is nan from where the vehicle left the water.
     """
-    return _run(vehicle, rec, Window(0, len(rec.time) - 1), start)
+    depth, begin = _begin(vehicle, rec, 0, start)
+    known: dict[str, Any] = {"start_depth": depth, "start_speed": start.speed}
+    known["bottom_depth"] = rec.bottom_depth
+    if rec.drive == "setpoint":
+        known |= {"setpoints": list(rec.setpoints), "duration": float(rec.time[-1])}
+        solution = simulate(vehicle, start_volume=begin, checked=False, **known)
+        volumes = np.interp(rec.time, solution.time, solution.volume)
+        return _hermite(rec.time, solution), volumes, solution
+    if rec.drive == "volume" and rec.volume is not None:
+        if len(rec.layers.table):
+            follow = _follower(rec, Window(0, len(rec.time) - 1))
+            return _depths([(vehicle, start)], rec, 0, follow)[0], rec.volume, None
+        # Only volume less neutral volume moves the vehicle.
+        moving = rec.volume - start.drift * rec.time
+        solution = drive(vehicle, time=rec.time, volume=moving, **known)
+    else:
+        solution = drive(vehicle, time=rec.time, voltage=rec.inputs, start_volume=begin, **known)
+    missing = len(rec.time) - len(solution.depth)
+    depths, volumes = (np.pad(y, (0, missing), "edge") for y in (solution.depth, solution.volume))
+    return depths, volumes, solution
 
 
-def _run(
-    vehicle: Vehicle, rec: Record, window: Window, start: Start
-) -> tuple[Array, Array, Solution | None]:
-    part = slice(window.first, window.last + 1)
-    time = rec.time[part] - rec.time[window.first]
-    volume = None if rec.volume is None else rec.volume[part]
+def _begin(vehicle: Vehicle, rec: Record, first: int, start: Start) -> tuple[float, float]:
+    """Return depth [m] and volume [m3] at the sample that a run begins with."""
+    volume = None if rec.volume is None else float(rec.volume[first])
     depth = start.depth
     if depth is None:
         added = rec.layers.at(vehicle.hull.emergence_depth)
-        depth = _afloat(vehicle, None if volume is None else float(volume[0]) - added)
+        depth = _afloat(vehicle, None if volume is None else volume - added)
     highest = vehicle.hull.emergence_depth - 0.9 * vehicle.hull.height  # nearly out of the water
     depth = min(max(depth, highest), rec.bottom_depth)
     at = vehicle.neutral_volume(depth)  # where the log does not say, at rest if the stroke lets it
     if volume is not None and rec.volume_absolute:
-        at = float(volume[0])
-    begin = min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
-    known: dict[str, Any] = {"start_depth": depth, "start_speed": start.speed}
-    known["bottom_depth"] = rec.bottom_depth
-    if rec.drive == "setpoint":
-        known |= {"setpoints": list(rec.setpoints), "duration": float(time[-1])}
-        solution = simulate(vehicle, start_volume=begin, checked=False, **known)
-        return _hermite(time, solution), np.interp(time, solution.time, solution.volume), solution
-    if rec.drive == "volume" and volume is not None:
-        # Only volume less neutral volume moves the vehicle.
-        if len(rec.layers.table):
-            plants = [plant(vehicle, bottom_depth=rec.bottom_depth)]
-            starts = np.array([[depth, start.speed, start.drift]])
-            return follow_in(rec.layers, plants, rec.time[part], volume, starts)[0], volume, None
-        moving = volume - start.drift * rec.time[part]
-        solution = drive(vehicle, time=time, volume=moving, **known)
-    else:
-        solution = drive(vehicle, time=time, voltage=rec.inputs[part], start_volume=begin, **known)
-    depths, volumes, missing = solution.depth, solution.volume, len(time) - len(solution.depth)
-    if missing:
-        depths, volumes = (np.pad(y, (0, missing), "edge") for y in (depths, volumes))
-    return depths, volumes, solution
+        at = volume
+    return depth, min(max(at, vehicle.stroke.minimum), vehicle.stroke.maximum)
+
+
+_Follower = Callable[[Sequence[Plant], Array], Array]
+
+
+def _follower(rec: Record, window: Window) -> _Follower:
+    """Return what drives vehicles along a window of a record, as `Course.follow` does."""
+    part, ramps = slice(window.first, window.last + 1), rec.drive == "volume"
+    if ramps and len(rec.layers.table):
+        known = rec.layers, rec.time[part], rec.inputs[part]
+        return lambda plants, starts: follow_in(known[0], plants, *known[1:], starts[:, 1:])
+    return Course(rec.time[part], rec.inputs[part], ramps=ramps, since=0.0).follow
+
+
+def _depths(
+    vehicles: Sequence[tuple[Vehicle, Start]], rec: Record, first: int, follow: _Follower
+) -> Array:
+    """Return the depths [vehicles, n] in m from a sample on, each vehicle from a start of its own.
+
+    Where a vehicle stops it stays.
+    """
+    plants = [plant(vehicle, bottom_depth=rec.bottom_depth) for vehicle, _ in vehicles]
+    starts = [(*_begin(v, rec, first, s)[::-1], s.speed, s.drift) for v, s in vehicles]
+    found = follow(plants, np.array(starts))
+    reached = np.isfinite(found).sum(axis=1) - 1
+    stays = found[np.arange(len(found)), np.maximum(reached, 0)]
+    return np.asarray(np.where(np.isnan(found), stays[:, None], found))
 
 
 def _afloat(vehicle: Vehicle, volume: float | None) -> float:
@@ -366,6 +390,7 @@ class _Problem:
         found = np.array([first_and_limits(name, vehicle, first) for name in names])
         self.start, self.least, self.most = (found / self.scale[:, None]).T
         self.measured = cache(partial(measured_start, rec))
+        self.follower = cache(partial(_follower, rec))
         self.last: tuple[Array, list[Window], Array] | None = None
 
     def begin(self) -> Array:
@@ -378,22 +403,29 @@ class _Problem:
     def residual(self, q: Array, windows: list[Window]) -> Array:
         if self.last and self.last[1] is windows and np.array_equal(self.last[0], q):
             return self.last[2]  # a search asks for the slope where it was last
-        changed, start = _apply(self.names, q * self.scale, self.vehicle, self.first)
-        rec, upto = self.rec, windows[-1].last + 1
-        off = np.full(upto, np.nan)
-        for window in reversed(windows):  # where two meet, the depth is that of the one before
-            first, last = window
-            begin = self.measured(first)._replace(drift=start.drift) if first else start
-            off[first : last + 1] = _run(changed, rec, window, begin)[0]
-        off = (off - rec.depth[:upto])[rec.compared[:upto]]
-        off = np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+        off: Array = self._residuals([q], windows)[0]
         self.last = (q.copy(), windows, off)
         return off
 
+    def _residuals(self, places: Sequence[Array], windows: list[Window]) -> Array:
+        """Return the residuals [places, samples] in m at several q."""
+        values = [q * self.scale for q in places]
+        moved = [_apply(self.names, v, self.vehicle, self.first) for v in values]
+        rec, upto = self.rec, windows[-1].last + 1
+        off = np.full((len(places), upto), np.nan)
+        for window in reversed(windows):  # where two meet, the depth is that of the one before
+            at, part = window.first, slice(window.first, window.last + 1)
+            if rec.drive == "setpoint":
+                off[:] = [run(vehicle, rec, start)[0] for vehicle, start in moved]
+                continue
+            here = [(v, self.measured(at)._replace(drift=s.drift) if at else s) for v, s in moved]
+            off[:, part] = _depths(here, rec, at, self.follower(window))
+        off = (off - rec.depth[:upto])[:, rec.compared[:upto]]
+        return np.clip(np.nan_to_num(off, nan=_LARGEST), -_LARGEST, _LARGEST)
+
     def slope(self, q: Array, windows: list[Window]) -> Array:
-        here = self.residual(q, windows)
-        steps = _STEP * np.eye(len(q))
-        return np.stack([(self.residual(q + h, windows) - here) / _STEP for h in steps], axis=1)
+        here, *moved = self._residuals([q, *(q + _STEP * np.eye(len(q)))], windows)
+        return np.stack([(there - here) / _STEP for there in moved], axis=1)
 
     def cost(self, q: Array, windows: list[Window]) -> float:
         return 0.5 * float(np.sum(self.residual(q, windows) ** 2))
