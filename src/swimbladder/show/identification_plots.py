@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
-from scipy.stats import chi2, norm
+from scipy.special import chdtri, ndtri
 
 from swimbladder.estimation.estimates import Z95
 from swimbladder.estimation.motion import NAMES, Estimate, ExperimentFit, Identification
@@ -80,7 +80,7 @@ def _pair(panel: Panel, found: Identification, *pair: str) -> None:
         return [_moved(found, name, step) for name, step in zip(pair, steps, strict=True)]
 
     for share, alpha in ((0.95, 0.25), (0.68, 0.45)):
-        x, y = at(math.sqrt(float(chi2.ppf(share, 2))) * (root @ unit))
+        x, y = at(math.sqrt(float(chdtri(2, 1.0 - share))) * (root @ unit))
         panel.area(x, y, Ink.SKY, f"{100 * share:.0f} % region", alpha=alpha)
         panel.line(x, y, width=0.8)
     if found.posterior is not None:
@@ -259,7 +259,7 @@ def _histogram(panel: Panel, u: Array) -> None:
     panel.histogram(
         inside, np.linspace(-5.0, 5.0, 41), Ink.SKY, "residuals", scale=4.0 / max(len(u), 1)
     )
-    panel.line(x, norm.pdf(x), Ink.BLACK, "normal", width=1.2)
+    panel.line(x, np.exp(-0.5 * x**2) / math.sqrt(2.0 * math.pi), Ink.BLACK, "normal", width=1.2)
     panel.x, panel.y = "residual [standard deviations]", "density [-]"
     panel.ylim = (0.0, 1.28 * max(0.42, panel.limits("y")[1]))
     beyond = len(u) - len(inside)
@@ -272,7 +272,7 @@ def _histogram(panel: Panel, u: Array) -> None:
 def _quantiles(panel: Panel, u: Array) -> None:
     ordered = np.sort(u)
     n = len(ordered)
-    expected = norm.ppf((np.arange(n) + 0.5) / n)
+    expected = ndtri((np.arange(n) + 0.5) / n)
     reach = min(max(float(np.abs(ordered).max(initial=0.0)), 3.5), _FURTHEST)
     inside = np.abs(ordered) <= reach
     panel.line([-reach, reach], [-reach, reach], Ink.BLACK, "normal", width=0.9)

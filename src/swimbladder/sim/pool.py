@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
-from scipy.signal import lfilter
 
 from swimbladder.control import protocol
 from swimbladder.control.cascade import CASCADE, CascadeParameters
@@ -292,8 +291,9 @@ def _mode(pole: complex, v: Array, h: float) -> NDArray[np.complex128]:
     else:
         both = (cmath.exp(x) - 1.0) / pole
         end = (both - h) / x
-    driven = np.zeros(len(v), np.complex128)
-    driven[1:] = (both - end) * v[:-1] + end * v[1:]
+    from scipy.signal import lfilter  # half a second that few need
+
+    driven = np.append(0.0, (both - end) * v[:-1] + end * v[1:])
     return np.asarray(lfilter([1.0], [1.0, -cmath.exp(x)], driven), np.complex128)
 
 

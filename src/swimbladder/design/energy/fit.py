@@ -43,7 +43,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.estimates import Estimate
@@ -532,7 +532,7 @@ def _share(runs: PumpRuns, reference: float | None) -> Array:
 
 
 def _estimates(names: list[str], found: Least) -> dict[str, Estimate]:
-    reach = np.asarray(student.ppf(0.975, found.freedom), dtype=np.float64) * found.std
+    reach = np.asarray(stdtrit(found.freedom, 0.975), dtype=np.float64) * found.std
     rows = zip(names, *(x.tolist() for x in (found.solution, found.std, reach)), strict=True)
     return {name: Estimate.of(x, std, _UNITS[name], reach=r) for name, x, std, r in rows}
 

@@ -14,7 +14,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from swimbladder.design.linear.pump_valve import moved_by_volume, with_drag
 from swimbladder.errors import InputError, NoAnswerError
@@ -194,7 +194,7 @@ def _radius(C: Array) -> Array:
     size = np.sqrt(np.maximum(np.diag(C), 1e-300))
     values, vectors = np.linalg.eigh(C / np.outer(size, size))
     root = vectors * np.sqrt(np.maximum(values, 0.0)) * size[:, None]
-    return np.asarray(math.sqrt(float(chi2.ppf(_LEVEL, len(C)))) * root)
+    return np.asarray(math.sqrt(float(chdtri(len(C), 1.0 - _LEVEL))) * root)
 
 
 def _changed(p: Plant, shares: Mapping[str, float], *, psi: float) -> Plant:

@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq, least_squares
 from scipy.sparse import csr_array
-from scipy.special import erfc
+from scipy.special import chdtrc, erfc
 
 from swimbladder.errors import LogError, NoAnswerError
 from swimbladder.estimation.actuator.bench import IDLE, Bench, Block
@@ -590,8 +590,6 @@ def pool(values: ArrayLike, stds: ArrayLike, wide: float = 1.0) -> Pooled:
     else a half t density, its scale PRIOR times the largest value, times `wide`. Over it is laid
     the restricted likelihood (Roever, J. Stat. Softw. 93, 2020, 6), as in `gains`.
     """
-    from scipy.stats import chi2
-
     x, std = np.asarray(values, float), np.asarray(stds, float)
     if len(x) == 1:
         return Pooled(float(x[0]), float(std[0]), 0.0, 1.0)
@@ -607,4 +605,4 @@ def pool(values: ArrayLike, stds: ArrayLike, wide: float = 1.0) -> Pooled:
     mean = float(weights @ means)
     half = half_width(weights, 1.0 / total + (means - mean) ** 2)
     between = float(spreads[np.searchsorted(weights.cumsum(), 0.5)])  # the median
-    return Pooled(mean, half / Z95, between, float(chi2.sf(squares[0], len(x) - 1)))
+    return Pooled(mean, half / Z95, between, float(chdtrc(len(x) - 1, squares[0])))

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri, stdtrit
 
 from swimbladder.estimation.actuator.bench import Bench, autoregression, spikes
 from swimbladder.estimation.actuator.model import Pooled, pool
@@ -451,8 +452,6 @@ class _Fit:
         Moves that differ by more than noise explains have scores that do: the sandwich, wider by
         what few moves show of it.
         """
-        from scipy.stats import chi2, t
-
         slope, residual = self._slope(self.best), self._residual(self.best)
         scores, parts, start = [], [], 0
         for k, window in enumerate(self.windows):
@@ -467,8 +466,8 @@ class _Fit:
         if count < 3 or information <= 0.0:
             return 1.0, information
         ratio = sum(score**2 for score in scores) * count / (count - 1) / information
-        likely = float(chi2.ppf(0.95, count - 1)) / (count - 1)
-        few = (float(t.ppf(0.975, count - 1)) / Z95) ** 2
+        likely = float(chdtri(count - 1, 0.05)) / (count - 1)
+        few = (float(stdtrit(count - 1, 0.975)) / Z95) ** 2
         return (few * ratio if ratio > likely else 1.0), information
 
     def _crossing(self, level: float) -> float:

@@ -16,6 +16,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.misread import Drive, is_still, misread
@@ -115,15 +116,14 @@ def run(vehicle: Vehicle, rec: Record, start: Start) -> tuple[Array, Array, Solu
         solution = simulate(vehicle, start_volume=begin, checked=False, **known)
         volumes = np.interp(rec.time, solution.time, solution.volume)
         return _hermite(rec.time, solution), volumes, solution
-    if rec.drive == "volume" and rec.volume is not None:
-        if len(rec.layers.table):
-            follow = _follower(rec, Window(0, len(rec.time) - 1))
-            return _depths([(vehicle, start)], rec, 0, follow)[0], rec.volume, None
-        # Only volume less neutral volume moves the vehicle.
-        moving = rec.volume - start.drift * rec.time
-        solution = drive(vehicle, time=rec.time, volume=moving, **known)
-    else:
-        solution = drive(vehicle, time=rec.time, voltage=rec.inputs, start_volume=begin, **known)
+    if rec.drive == "voltage":
+        known |= {"voltage": rec.inputs, "start_volume": begin}
+    elif len(rec.layers.table):
+        follow = _follower(rec, Window(0, len(rec.time) - 1))
+        return _depths([(vehicle, start)], rec, 0, follow)[0], rec.inputs, None
+    else:  # only volume less neutral volume moves the vehicle
+        known["volume"] = rec.inputs - start.drift * rec.time
+    solution = drive(vehicle, time=rec.time, **known)
     missing = len(rec.time) - len(solution.depth)
     depths, volumes = (np.pad(y, (0, missing), "edge") for y in (solution.depth, solution.volume))
     return depths, volumes, solution
@@ -184,12 +184,8 @@ def _hermite(time: Array, s: Solution) -> Array:
     """Return the depth [m] of a solution between its samples, from depths and speeds there."""
     if len(s.time) < 2:
         return np.full_like(time, s.depth[0])
-    k = np.clip(np.searchsorted(s.time, time, side="right") - 1, 0, len(s.time) - 2)
-    h = s.time[k + 1] - s.time[k]
-    x = np.clip((time - s.time[k]) / h, 0.0, 1.0)
-    rise = s.depth[k + 1] - s.depth[k]
-    a, b = h * s.speed[k] - rise, rise - h * s.speed[k + 1]
-    return np.asarray(s.depth[k] + x * (rise + (1.0 - x) * (a * (1.0 - x) + b * x)))
+    between = CubicHermiteSpline(s.time, s.depth, s.speed)
+    return np.asarray(between(np.clip(time, s.time[0], s.time[-1])))
 
 
 class Fittable(NamedTuple):
@@ -341,11 +337,9 @@ def adjust(
     values, misfit = q * problem.scale, rms(residual) / _noise(rec)
     ends, fitted, why = problem.at_limit(q), {}, {}
     limits = np.stack([problem.least, problem.most], axis=1) * problem.scale[:, None]
-    for i, (name, value, std) in enumerate(
-        zip(names, values.tolist(), spread.tolist(), strict=True)
-    ):
-        low, high = limits[i].tolist()
-        if ends[i]:
+    each = (of.tolist() for of in (values, spread, ends, limits))
+    for name, value, std, end, (low, high) in zip(names, *each, strict=True):
+        if end:
             why[name] = sentence("compare", "undetermined", "end")
         elif claims_too_much(std, high - low, misfit):
             why[name] = sentence("undetermined", "claims", times=misfit)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from scipy.stats import chi2, linregress
+from scipy.special import chdtrc, chdtri
 
 from swimbladder.estimation.estimates import (
     Estimate,
@@ -516,7 +516,7 @@ def outliers(experiments: Sequence[ExperimentFit]) -> Iterator[Finding]:
 
 def drifts(experiments: Sequence[ExperimentFit], said: str = "drift") -> Iterator[Finding]:
     """Yield in which logs the neutral volume drifts; said: key of the sentence."""
-    bound = math.sqrt(float(chi2.isf(0.003 / max(len(experiments), 1), 1)))
+    bound = math.sqrt(float(chdtri(1, 0.003 / max(len(experiments), 1))))
     for e in experiments:
         if abs(e.drift.value) > bound * e.drift.std:
             over = e.drift.value * float(np.ptp(e.record.time))
@@ -538,15 +538,13 @@ def late(delay: Estimate, known: float, early: float = 0.0) -> Iterator[Finding]
 
 def _trend(problem: Problem, fit: Fit) -> Iterator[Finding]:
     gains = np.array([g for g in single_gains(problem, fit) if 0.0 < g[2] < 1.0]).reshape(-1, 3)
-    sizes, logs, weight = gains[:, 0], gains[:, 1], 1.0 / gains[:, 2] ** 2
+    sizes, logs = gains[:, 0], gains[:, 1]
     if len(gains) < 4 or np.ptp(sizes) < 0.2 * sizes.mean():
         return
     x = np.log(sizes)
-    x = x - (weight * x).sum() / weight.sum()
-    slope = float((weight * x * logs).sum() / (weight * x * x).sum())
-    std = float(1.0 / math.sqrt((weight * x * x).sum()))
-    scatter = linregress(x, logs).stderr if len(gains) > 4 else std
-    if abs(slope) < _SURE * max(std, float(scatter)):
+    (slope, _), known = np.polyfit(x, logs, 1, w=1.0 / gains[:, 2], cov="unscaled")
+    scatter = np.polyfit(x, logs, 1, cov=True)[1] if len(gains) > 4 else known
+    if abs(slope) < _SURE * math.sqrt(max(known[0, 0], scatter[0, 0])):
         return
     low, high = sizes.min(), sizes.max()
     name = "K2" if "K2" in problem.names else "1/k_dt"
@@ -562,7 +560,7 @@ def neutral_beyond_prior(problem: Problem, off: Sequence[float]) -> Iterator[Fin
     if not math.isfinite(problem.neutral_std):
         return
     e = np.array(off)
-    if float(chi2.sf(float((e**2).sum()), len(e))) <= 1e-3:
+    if float(chdtrc(len(e), float((e**2).sum()))) <= 1e-3:
         std, largest = problem.neutral_std, float(np.abs(e).max())
         severity: Severity = "no" if largest > _BEYOND else "warning"
         values = {"largest": largest * std, "rms": rms(e) * std}

@@ -29,8 +29,7 @@ import numpy as np
 from scipy.linalg import matmul_toeplitz, solve_toeplitz
 from scipy.ndimage import median_filter
 from scipy.optimize import lsq_linear
-from scipy.signal import lfilter
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from swimbladder.estimation.estimates import bounded_fit
 from swimbladder.estimation.motion.problem import (
@@ -136,10 +135,8 @@ def autocovariance(coefficients: tuple[float, ...], variance: float, n: int) -> 
     """Return the autocovariance [n] of an autoregression whose variance is given."""
     if not coefficients:
         return np.asarray(variance * np.eye(1, n)[0])
-    impulse = np.eye(1, max(n, 4096))[0]
-    response = lfilter([1.0], [1.0, *(-c for c in coefficients)], impulse)
-    size = 2 * len(response)
-    gamma = np.fft.irfft(np.abs(np.fft.rfft(response, size)) ** 2)[:n]
+    whitening = np.fft.rfft([1.0, *(-c for c in coefficients)], 2 * max(n, 4096))
+    gamma = np.fft.irfft(1.0 / np.abs(whitening) ** 2)[:n]
     return np.asarray(variance * gamma / gamma[0])
 
 
@@ -152,7 +149,7 @@ def whiteness(residual: Array) -> float:
         return 1.0
     r = np.array([residual[: n - k] @ residual[k:] for k in range(1, lags + 1)]) / power
     Q = n * (n + 2.0) * float((r**2 / (n - np.arange(1, lags + 1))).sum())
-    return float(chi2.sf(Q, lags))
+    return float(chdtrc(lags, Q))
 
 
 _CORRECTIONS = 4  # of the correction: more change an interval by less than a hundredth

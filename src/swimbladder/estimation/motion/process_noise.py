@@ -18,13 +18,13 @@ import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.estimation.comparison.record import (
@@ -140,7 +140,7 @@ class Likelihood:
         self.quantum, stroke = vehicle.sensors.depth_quantum, vehicle.stroke
         self.known = math.isfinite(problem.neutral_std)
         self.speed_std, self.drift_std = problem.speed_std, problem.drift_std
-        self.driven: dict[tuple[float, ...], list[tuple[Samples, Index]]] = {}  # see `_driven`
+        self.driven = lru_cache(_KEPT)(self._driven)  # most quantities do not change these
         whole = stroke.maximum - stroke.minimum
         self.neutral_std = problem.neutral_std if self.known else _SHARE * whole
         self.records = tuple(e.record for e in problem.experiments)
@@ -205,35 +205,28 @@ class Likelihood:
         if not correlated:
             depth = math.hypot(noise.depth, noise.correlated)
             noise = noise._replace(depth=depth, correlated=0.0)
-        for i, (s, rows) in enumerate(self._driven(values, self.split(x)[1])):
+        shared = (values[q.name] for q in (EARLY, _DELAY, _HEAT, _LAG))
+        for i, (s, rows) in enumerate(self.driven(*shared, *self.split(x)[1].tolist())):
             if not correlated:
                 s = s._replace(volume_error=as_white(s.time, s.volume_error))
             start = self.start(i, values, noise)
             yield filter_depth(clear, s, noise=noise, start=start), rows
 
-    def _driven(self, values: Mapping[str, float], drifts: Array) -> list[tuple[Samples, Index]]:
-        """Return every stretch with the volumes that drive it, and where its samples are in it.
-
-        Most quantities do not change these: the last few are kept.
-        """
-        early, delay, heat, lag = (values[q.name] for q in (EARLY, _DELAY, _HEAT, _LAG))
-        key = (early, delay, heat, lag, *drifts.tolist())
-        found = self.driven.pop(key, None)
-        if found is None:
-            found = []
-            for stretch, i in zip(self.samples, self.record, strict=True):
-                record = self.records[i]
-                assert record.volume is not None  # it drives them
-                volume = record.volume + early * self.early[i]
-                s, rows = self._late(stretch, record.time, volume, delay)
-                s = s._replace(volume=s.volume - drifts[i] * s.time)
-                if record.warmth is not None and adds_warmth(record, record.gain + heat, lag):
-                    more = more_warmth(record, record.gain + heat, lag)
-                    s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
-                found.append((s, rows))
-        self.driven[key] = found
-        if len(self.driven) > _KEPT:
-            del self.driven[next(iter(self.driven))]
+    def _driven(
+        self, early: float, delay: float, heat: float, lag: float, *drifts: float
+    ) -> list[tuple[Samples, Index]]:
+        """Return every stretch with the volumes that drive it, and where its samples are in it."""
+        found = []
+        for stretch, i in zip(self.samples, self.record, strict=True):
+            record = self.records[i]
+            assert record.volume is not None  # it drives them
+            volume = record.volume + early * self.early[i]
+            s, rows = self._late(stretch, record.time, volume, delay)
+            s = s._replace(volume=s.volume - drifts[i] * s.time)
+            if record.warmth is not None and adds_warmth(record, record.gain + heat, lag):
+                more = more_warmth(record, record.gain + heat, lag)
+                s = s._replace(volume=s.volume + np.interp(s.time, record.time, more))
+            found.append((s, rows))
         return found
 
     @staticmethod
@@ -324,7 +317,7 @@ class Likelihood:
     def changed(self, **changes: Any) -> "Likelihood":
         """Return the same, but for some of its attributes."""
         other = copy(self)
-        vars(other).update(driven={}, **changes)  # those kept have errors of volumes in them
+        vars(other).update(changes, driven=lru_cache(_KEPT)(other._driven))
         return other
 
     def _slopes(self, x: Array, *, central: bool) -> tuple[Array, Array, Array]:
@@ -805,7 +798,7 @@ def _chance(gain: float, noises: int) -> float:
     """
     if gain <= 0.0:
         return 1.0
-    return (0.5 if noises == 1 else 1.0) * float(chi2.sf(2.0 * gain, noises))
+    return (0.5 if noises == 1 else 1.0) * float(chdtrc(noises, 2.0 * gain))
 
 
 def _tracks(full: Likelihood, x: Array) -> tuple[Track, ...]:

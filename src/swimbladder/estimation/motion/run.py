@@ -317,9 +317,7 @@ def profile(problem: Problem, fit: Fit, i: int) -> Profile:
         """Return (deviance, the other parameters) of the fit with the i-th held at u."""
 
         def full(y: Array) -> Array:
-            x = np.empty(len(fit.x))
-            x[i], x[others] = u, y
-            return x
+            return np.insert(y, i, u)
 
         def rows(y: Array) -> Array:
             return problem.weighted(full(y), fit.root)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv, stdtrit
 
 from swimbladder.io.answers import Answer, attributes
 from swimbladder.io.mission import Mission
@@ -30,9 +31,8 @@ Rows = NDArray[np.void]  # of `store.ROW`
 
 def share_interval(count: int, total: int) -> tuple[float, float]:
     """Return the 95 % interval of Clopper and Pearson (Biometrika 26, 1934, 404) for a share."""
-    from scipy.stats import binomtest
-
-    low, high = binomtest(count, total).proportion_ci(0.95, method="exact")
+    low = betaincinv(count, total - count + 1, 0.025) if count else 0.0
+    high = betaincinv(count + 1, total - count, 0.975) if count < total else 1.0
     return float(low), float(high)
 
 
@@ -57,10 +57,8 @@ def prediction_interval(values: Array) -> tuple[float, float]:
     if (n + 1) * tail > 1.0 - 1e-9:
         low, high = np.quantile(values, [tail, 1.0 - tail], method="weibull")
         return float(low), float(high)
-    from scipy.stats import t
-
     logs = np.log(values + _HALF)
-    width = float(t.ppf(1.0 - tail, n - 1) * np.std(logs, ddof=1)) * (1.0 + 1.0 / n) ** 0.5
+    width = float(stdtrit(n - 1, 1.0 - tail) * np.std(logs, ddof=1)) * (1.0 + 1.0 / n) ** 0.5
     low, high = np.exp(np.mean(logs) + np.array([-width, width])) - _HALF
     return float(low), float(high)
 

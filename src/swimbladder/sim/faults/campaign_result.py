@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv
 
 from swimbladder.control.supervisor import Reason
 from swimbladder.io.answers import Answer, attributes
@@ -109,9 +110,7 @@ def rule_of_three(found: int, trials: int) -> float:
 
     With nothing found it is 1 - 0.05^(1/n), about 3/n.
     """
-    from scipy.stats import beta
-
-    return 1.0 if found >= trials else float(beta.ppf(0.95, found + 1, trials - found))
+    return 1.0 if found >= trials else float(betaincinv(found + 1, trials - found, 0.95))
 
 
 def _results(rows: NDArray[np.void], flight: int, field: str) -> Array:
