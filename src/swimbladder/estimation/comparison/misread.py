@@ -11,14 +11,18 @@ So does any other column that was read wrong: as it was meant the two agree.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import product
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 
 from swimbladder.errors import LogError, column_as
 from swimbladder.estimation.estimates import Finding, sentence
-from swimbladder.estimation.series import stretches
+from swimbladder.estimation.kalman import Member, Noise, Start, log_likelihood
+from swimbladder.estimation.series import stretches, white_noise
 from swimbladder.io.logs import Log
 from swimbladder.physics.arrays import Array, Flags
 from swimbladder.physics.dynamics import Plant, plant
@@ -153,6 +157,62 @@ def misread(rec: Record, vehicle: Vehicle) -> tuple[Finding | None, bool]:
     if sure and not found.near(*_RIGHT):
         return Finding.of("compare", "misread", times=found.force, drive=drive), False
     return None, sure
+
+
+_FINEST = 1e-3  # m, of a depth's noise, where a search begins
+_AT_START, _SHARE = (0.05, 0.1), 0.5  # m and m/s, and of the stroke: deviations of the state
+_FORCES = (0.01, 100.0)  # of the vehicle's, between which a search stays
+_DECISIVE = 5.0  # of log likelihood: "very strong" in Kass and Raftery 1995
+
+
+def doubtful(rec: Record, vehicle: Vehicle, drive: Drive) -> Iterator[Finding]:
+    """Yield why the volume of a record, by what drove it, cannot be that which moved the vehicle.
+
+    By the likelihood of a Kalman filter's innovations, at the likeliest noise. A neutral volume
+    that is a random walk, and white acceleration, may be all that moves the vehicle: a drive that
+    is not its own has to be undone by them, which is less likely than one that stays. And where the
+    depths go too far, a vehicle of that kind is decisively less likely than a stronger one.
+    """
+    assert rec.volume is not None  # it drives
+    stays = replace(rec, volume=np.full_like(rec.volume, rec.volume.mean()))
+    gain = _height(stays, vehicle)[0] - _height(rec, vehicle)[0]
+    if not gain < 0.0:
+        yield Finding.of("compare", "uninformative", drive=drive, gain=gain)
+        return
+    of_kind, _ = _height(rec, vehicle, (_FORCES[0], _RIGHT[1]))
+    free, times = _height(rec, vehicle, _FORCES)
+    if free > of_kind + _DECISIVE:
+        yield Finding.of("compare", "misread", "no", times=times, drive=drive)
+
+
+def _height(
+    rec: Record, vehicle: Vehicle, forces: tuple[float, float] = (1.0, 1.0)
+) -> tuple[float, float]:
+    """Return the log likelihood of the depths at the likeliest noise and force, and that force.
+
+    forces: between which it is, of the vehicle's.
+    """
+    assert rec.volume is not None  # it drives
+    p, samples, first = plant(vehicle, bottom_depth=rec.bottom_depth), rec.samples, rec.depth[0]
+    stroke, (least, most) = _whole("volume", vehicle), map(math.log, forces)
+    neutral = float(rec.volume[0] - vehicle.hull.psi * first) - rec.layers.at(float(first))
+    start = Start(float(first), 0.0, neutral, *_AT_START, _SHARE * stroke)
+
+    def force(x: Array) -> float:
+        return math.exp(min(max(float(x[-1]), least), most))
+
+    def unlikely(x: Array) -> float:
+        own = p._replace(a_b=p.a_b * force(x))
+        return -float(log_likelihood(samples, Member(own, Noise(*np.exp(x[:3])), start, 0.0))[-1])
+
+    found, free = [], 4 if most > least else 3
+    for drift, shake in product((1e-3, 1e-2), (1e-3, 1e-2)):  # stroke/s^0.5, m/s^1.5
+        depth = max(white_noise(rec.time, rec.depth), _FINEST)
+        x: Array = np.log((depth, drift * stroke, shake, 1.0)[:free])
+        how = {"initial_simplex": x + np.eye(free + 1, free), "fatol": 0.1, "maxfev": 300}
+        end = minimize(unlikely, x, method="Nelder-Mead", tol=0.05, options=how)  # type: ignore[call-overload]
+        found.append((-float(end.fun), force(end.x)))
+    return max(found)
 
 
 def _late(rec: Record, part: slice, vehicle: Vehicle) -> tuple[float, _Fit]:

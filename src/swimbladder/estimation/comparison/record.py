@@ -31,6 +31,7 @@ import numpy as np
 
 from swimbladder.errors import InputError, LogError
 from swimbladder.estimation.comparison.misread import Drive, refuse_wrong_clock, refuse_wrong_stroke
+from swimbladder.estimation.estimates import too_many
 from swimbladder.estimation.kalman import Samples, follow
 from swimbladder.estimation.series import Index, followed, quantum, stretches, white_noise
 from swimbladder.io.logs import Log, spikes
@@ -301,6 +302,10 @@ def record(
         series = _driving(log, vehicle, chosen)
     layers = NO_LAYERS if column is None else _layers(log, vehicle, column, chosen)
     kept = np.isfinite(series)
+    if chosen == "voltage" and too_many(unknown := _unknown(series), len(log)):
+        what = f"what the voltage was in {unknown} of {len(log)} samples is not in the log"
+        remedy = "Log the voltage with each sample: it changes meanwhile"
+        raise LogError(what, file=log.source, field="voltage_V", remedy=remedy)
     if not kept.all():
         notes.append(f"{int((~kept).sum())} samples without {chosen} left out")
         log, series = log.only(kept), series[kept]
@@ -438,6 +443,13 @@ def _mended(log: Log, vehicle: Vehicle, notes: list[str]) -> tuple[Log, Array]:
     new = filled(log.time, values, off | hole)
     changed = np.where(single, np.abs(area * (new - values)), 0.0)
     return replace(log, **{name: new}), changed  # type: ignore[arg-type]
+
+
+def _unknown(series: Array) -> int:
+    """Return how many values are missing between two that differ, so that they are unknown."""
+    known = np.flatnonzero(np.isfinite(series))
+    holes, change = np.diff(known) - 1, np.diff(series[known])
+    return int(holes[change != 0.0].sum())
 
 
 def bad_depth(source: str, what: str, value: float, remedy: str) -> LogError:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from swimbladder.errors import InputError, NoAnswerError
-from swimbladder.estimation.comparison.misread import Drive, is_still, misread
+from swimbladder.estimation.comparison.misread import Drive, doubtful, is_still, misread
 from swimbladder.estimation.comparison.record import Record, follow_in, record, thinned
 from swimbladder.estimation.estimates import (
     DRIFT_STD,
@@ -259,7 +259,7 @@ def _motion(name: str, value: float, vehicle: Vehicle) -> dict[str, Any]:
 
 _FINEST = 2e-4  # m, a noise that sensors have
 _LARGEST = 10.0  # m, a residual beyond this says no more
-_MOST = 50_000  # samples, more of which only take longer
+_MOST, _ENOUGH = 50_000, 2000  # samples, more of which only take longer
 _STEP = 1e-3  # of a parameter's scale, for the derivative
 _SHIFTS = [s * m for m in (3e-8, 1e-7, 3e-7, 1e-6, 3e-6) for s in (1.0, -1.0)]  # m3
 
@@ -685,7 +685,7 @@ def compare(
     logged = rec.volume if rec.drive != "volume" else None
     explained = float(1.0 - off.var() / measured.var()) if measured.var() else np.nan
     findings = [*_no_estimates(outcome, asked=free is not None, uniform=cast is None)]
-    findings = _judged(vehicle, rec, names, (wrong, sure), off, explained, findings)
+    findings = _judged(judged, rec, names, (wrong, sure), volume, off, explained, findings)
     return Comparison(
         source=log.source,
         vehicle=outcome.vehicle,
@@ -709,35 +709,39 @@ def _judged(
     rec: Record,
     names: Sequence[str],
     read: tuple[Finding | None, bool],
+    volume: Array,
     off: Array,
     explained: float,
     found: list[Finding],
 ) -> list[Finding]:
     """Return what is to be said of a fit of `names`, whose depths are `off` [m].
 
-    read: as `misread` returns it; found: of the estimates, which do not count where the log or its
-    drive explain nothing.
+    read: as `misread` returns it; volume: that drove the model [m3]; found: of the estimates, which
+    do not count where the log or its drive explain nothing.
     """
     (wrong, sure), noise, error = read, _noise(rec), rms(off)
     beyond = error > MODEL_ERROR * min(noise, _NOISIEST)
-    unlikely = rec.drive != "setpoint" and beyond and not sure and not explained > _WHOLE
+    unlikely = rec.drive != "setpoint" and beyond and not explained > _WHOLE
     least = _LOST if noise < _NOISIEST else 0.0  # of depths that jump as none do
     lost = bool(names) and not explained >= least and beyond
     still = unlikely and is_still(rec.drive, rec.inputs, vehicle)
     no = any(f.severity == "no" for f in (found if wrong is None else [wrong]))
-    without = math.inf
+    said: list[Finding] = []
     if names and unlikely and not (still or lost or no):
-        without = _without(vehicle, rec, names, error / _IDLE)
-    idle = _IDLE * without < error
+        driven = thinned(replace(rec, drive="volume", volume=volume), _ENOUGH)
+        said += doubtful(driven, vehicle, rec.drive)
+        without = math.inf if said or sure else _without(vehicle, rec, names, error / _IDLE)
+        if _IDLE * without < error:
+            apart = {"rms": error, "without": without}
+            said.append(Finding.of("compare", "no better", drive=rec.drive, **apart))
     if wrong is not None:
-        if idle or not explained >= _HALF:  # what follows from it need not be said
+        if said or not explained >= _HALF:  # what follows from it need not be said
             return [wrong._replace(severity="no")]
         return [wrong, *found]
     if still:
         return [Finding.of("compare", "still", drive=rec.drive)]
-    if idle:
-        apart = {"rms": error, "without": without}
-        return [*found, Finding.of("compare", "no better", drive=rec.drive, **apart)]
+    if said:
+        return [*found, *said]
     if not explained >= _HALF:
         return [*found, Finding.of("compare", "unexplained", "no" if lost else None)]
     return found
