@@ -276,6 +276,25 @@ def test_columns_that_contradict_each_other_are_no_pump(spoil):
     assert {"idle": "idle power", "volume": "volumes"}.get(spoil, "power rises") in said
 
 
+@pytest.mark.parametrize(
+    ("name", "times"), [("pressure", 0.1), ("power", 10.0), ("duration", 10.0)]
+)
+def test_a_pump_that_wastes_nearly_all_is_in_another_unit(name, times):
+    """Of what more pressure takes 17 % would reach the water: that came with a vehicle file."""
+    told = runs(np.random.default_rng(16), 20)
+    assert not fit_pump(told).refusal
+    said = fit_pump(replace(told, **{name: times * getattr(told, name)})).refusal
+    assert "17 % at most would reach the water" in said
+    assert "up to 5.8 times" in said
+
+
+def test_a_power_that_is_always_the_same_is_no_measurement():
+    """Its slope came out as 0 to 22 digits, known as well."""
+    told = replace(runs(np.random.default_rng(17), 20), volume=None)
+    assert not fit_pump(told).refusal
+    assert "power rises" in fit_pump(replace(told, power=np.full(told.power.size, 7.2))).refusal
+
+
 def test_pressures_too_alike_to_separate_the_idle_power_are_said_to_be():
     random = np.random.default_rng(15)
     pressure, duration = random.uniform(7e6, 8e6, 40), random.uniform(20.0, 120.0, 40)

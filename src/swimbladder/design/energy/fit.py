@@ -233,6 +233,12 @@ _POSITIVE = {
 _INSEPARABLE = "runs at {:.3g} to {:.3g} MPa do not separate it from what grows with the pressure"
 _SEAS_SHARE = 0.5  # of what the sea takes: a power that rises by less is not this pump's
 _LESS = "that is less than half of the work on the sea, so powers do not go with the pressures"
+_WEAKEST = 0.2  # of what more pressure takes; the measured pumps of gliders reach 0.38 and more
+_WASTED = (
+    "of what more pressure takes, {:.2g} % at most would reach the water (pumps: 30 to 90 %). "
+    "Pressures or volumes are up to {:.2g} times too small, or powers or times too large: state "
+    "their units"
+)
 _VAGUE = 2.0  # of the power at the greatest pressure: how wide the interval may be there
 _OPEN = "the runs do not determine how it goes with the pressure"
 _KNOWN = 0.8  # share of the runs with a temperature or voltage, for it to count
@@ -321,7 +327,11 @@ class PumpFit(Answer):
             return off
         e, deepest = self.parameters["power_per_pressure"], np.max(self.runs.pressure[self.kept])
         (least, most), there = e.ci95, self.value("idle_power") + e.value * deepest
-        none = most < max(_SEAS_SHARE * self.value("delivery"), 0.0)
+        given = self.parameters.get("delivery")
+        if given is not None and (pressed := given.ci95[1]) < _WEAKEST * least:
+            return _WASTED.format(100.0 * pressed / least, least / pressed)
+        work = _SEAS_SHARE * self.value("delivery") * deepest
+        none = not most * deepest > max(work, _IDLE * there)
         if none or (most - least) * deepest > _VAGUE * abs(there):
             what = f"the power rises by {1e6 * least:.3g} to {1e6 * most:.3g} W per MPa within 95 %"
             return f"{what}: {_LESS if none else _OPEN}. {_CAUSES}"
