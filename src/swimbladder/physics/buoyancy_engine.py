@@ -16,22 +16,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from swimbladder.errors import NoAnswerError
+from swimbladder.physics import steady_drives
 from swimbladder.physics.actuator import reduced, unified
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.steady_drives import (
-    REFERENCE_TEMPERATURE,
-    OilLine,
-    SteadyPoint,
-    battery_power,
-    datasheet_point,
-    full_voltage,
-    motor_point,
-    pump_run,
-    pump_start,
-    terminal_power,
-    valve_flow,
-)
 from swimbladder.units import say
 from swimbladder.vehicle import (
     DatasheetPump,
@@ -71,7 +59,7 @@ def drive_map(
     vehicle: Vehicle,
     pressure: ArrayLike,
     *,
-    temperature: ArrayLike = REFERENCE_TEMPERATURE,
+    temperature: ArrayLike = steady_drives.REFERENCE_TEMPERATURE,
     power: bool = True,
 ) -> DriveMap:
     """Return the rates and powers of a vehicle's actuator at each `pressure` [Pa] [n].
@@ -152,7 +140,7 @@ def oil_note(vehicle: Vehicle) -> str | None:
 
 def steady_point(
     vehicle: Vehicle, pressure: ArrayLike, *, share: float = 1.0
-) -> SteadyPoint | None:
+) -> steady_drives.SteadyPoint | None:
     """Return a motor that presses out at a `share` of the full voltage, at each pressure [Pa] [n].
 
     None where there is no motor with known R and k_emf: a power law, a positioner.
@@ -163,25 +151,25 @@ def steady_point(
         if supply is None or not isinstance(a.pump, DatasheetPump):
             return None
         head = np.maximum(p + ATMOSPHERIC_PRESSURE - a.internal_pressure, 0.0)
-        return datasheet_point(vehicle, a.pump, head, share)
+        return steady_drives.datasheet_point(vehicle, a.pump, head, share)
     found = _known_motor(vehicle)
     if supply is None or found is None:
         return None
     z = p / vehicle.water.specific_weight
-    u = share * full_voltage(found, supply, found.k_z * z + found.friction_torque)
-    return motor_point(vehicle, found, u, z)
+    u = share * steady_drives.full_voltage(found, supply, found.k_z * z + found.friction_torque)
+    return steady_drives.motor_point(vehicle, found, u, z)
 
 
 def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> DriveMap:
     head = p + ATMOSPHERIC_PRESSURE - a.internal_pressure
     supply, nothing = vehicle.supply, np.zeros(p.shape)
-    run = pump_run(vehicle, a.pump, head, T)
+    run = steady_drives.pump_run(vehicle, a.pump, head, T)
     power_out = _from_battery(run.power, supply, "the pump")
     short, saving = np.full(p.shape, a.start_volume), nothing
     if a.line is not None:
         warm = np.broadcast_to(T, p.shape)[:, None]
-        start = pump_start(
-            OilLine(a.line, a.internal_pressure, pressure_ratio(a)),
+        start = steady_drives.pump_start(
+            steady_drives.OilLine(a.line, a.internal_pressure, pressure_ratio(a)),
             lambda dp: running_pump(vehicle, a, dp, warm if dp.ndim > 1 else T)[0],
             p + ATMOSPHERIC_PRESSURE,
             power=lambda dp: running_pump(vehicle, a, dp, warm)[1],
@@ -189,16 +177,16 @@ def _pump_and_valve(vehicle: Vehicle, a: PumpAndValve, p: Array, T: Array) -> Dr
         short = short + start.shortfall
         full = np.divide(start.shortfall, run.rate, out=np.zeros(p.shape), where=run.rate > 0.0)
         saving = power_out * full - start.energy
-    power_in = battery_power(np.full(p.shape, a.valve.power), supply)
+    power_in = steady_drives.battery_power(np.full(p.shape, a.valve.power), supply)
     bypass_in = power_bypass = nothing
     if a.bypass is not None:
-        bypass_in = valve_flow(a.bypass, head)
-        power_bypass = battery_power(np.full(p.shape, a.bypass.power), supply)
+        bypass_in = steady_drives.valve_flow(a.bypass, head)
+        power_bypass = steady_drives.battery_power(np.full(p.shape, a.bypass.power), supply)
     return DriveMap(
         pressure=p,
         rate_out=run.rate,
         power_out=power_out,
-        rate_in=valve_flow(a.valve, head),
+        rate_in=steady_drives.valve_flow(a.valve, head),
         power_in=power_in,
         leakage=a.leakage * np.maximum(head, 0.0) + a.creep,
         holding_power=nothing,
@@ -231,13 +219,13 @@ def running_pump(
 
     temperature: of the water [degC] [n] or one.
     """
-    run = pump_run(vehicle, a.pump, head, temperature)
-    return run.rate, battery_power(run.power, vehicle.supply)
+    run = steady_drives.pump_run(vehicle, a.pump, head, temperature)
+    return run.rate, steady_drives.battery_power(run.power, vehicle.supply)
 
 
 def _from_battery(power: Array, supply: Supply | None, what: str) -> Array:
     """Return what leaves the cells [W]; raises NoAnswerError where the battery cannot give it."""
-    drawn = battery_power(power, supply)
+    drawn = steady_drives.battery_power(power, supply)
     if supply is not None and np.isnan(drawn).any():
         most = supply.voltage**2 / (4.0 * supply.internal_resistance)
         raise NoAnswerError(_say("too much", what=what, power=np.max(power), most=most))
@@ -248,7 +236,7 @@ def _positioner(vehicle: Vehicle, a: Positioner, p: Array) -> DriveMap:
     moving = held = np.full(p.shape, np.nan)
     if a.moving_power is not None:
         drawn = np.full((2, *p.shape), np.array([[a.moving_power], [a.holding_power]]))
-        of_motor, of_holding = terminal_power(drawn, vehicle.driver)
+        of_motor, of_holding = steady_drives.terminal_power(drawn, vehicle.driver)
         moving = _from_battery(of_motor, vehicle.supply, "the positioner's motor")
         held = _from_battery(of_holding, vehicle.supply, "holding the positioner")
     rate, nothing = np.full(p.shape, a.speed * a.piston_area), np.zeros(p.shape)
@@ -274,11 +262,12 @@ def _voltage_driven(vehicle: Vehicle, a: UnifiedActuator, p: Array) -> DriveMap:
     z = p / vehicle.water.specific_weight
 
     def drawn(voltage: Array) -> tuple[Array, Array]:
-        at = motor_point(vehicle, a, voltage, z)
+        at = steady_drives.motor_point(vehicle, a, voltage, z)
         return np.asarray(at.drive.volume_rate), at.cells
 
-    rate_out, power_out = drawn(full_voltage(a, supply, a.k_z * z + a.friction_torque))
-    rate_in, power_in = drawn(-full_voltage(a, supply, a.friction_torque - a.k_z_back * z))
+    full = partial(steady_drives.full_voltage, a, supply)
+    rate_out, power_out = drawn(full(a.k_z * z + a.friction_torque))
+    rate_in, power_in = drawn(-full(a.friction_torque - a.k_z_back * z))
     hold = np.maximum(a.k_z_back * z - a.friction_torque, 0.0) / a.k_u
     _, holding = drawn(hold)
     leak, nothing = np.asarray(a.k_l * z), np.zeros(p.shape)

@@ -14,18 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from swimbladder.errors import InputError, check_number
-from swimbladder.vehicle.actuators import (
-    Actuator,
-    AnyActuator,
-    DatasheetPump,
-    Driver,
-    Load,
-    Positioner,
-    PumpAndValve,
-    Supply,
-    area_of,
-    engine_of,
-)
+from swimbladder.vehicle import actuators
 from swimbladder.vehicle.schema import Parameters, Unit, quantity_in, refusal
 
 if TYPE_CHECKING:
@@ -387,13 +376,13 @@ class Vehicle(Parameters):
     '''where each number comes from: dotted field = "source"'''
     water: Water = Water()
     """the water around the vehicle"""
-    actuator: AnyActuator
+    actuator: actuators.AnyActuator
     """what changes the volume"""
-    supply: Supply | None = None
+    supply: actuators.Supply | None = None
     """the battery; a positioner does without"""
-    driver: Driver | None = None
+    driver: actuators.Driver | None = None
     """the motor's driver; without it the driver loses nothing"""
-    loads: tuple[Load, ...] = ()
+    loads: tuple[actuators.Load, ...] = ()
     """what else draws from the battery"""
     stroke: Stroke
     """end stops of the volume, counted from mid-stroke"""
@@ -448,9 +437,9 @@ class Vehicle(Parameters):
         return Path(_shown().report(self, Path(path)))
 
     @property
-    def engine(self) -> Actuator:
+    def engine(self) -> actuators.Actuator:
         """The actuator itself, or what one of another package acts as."""
-        return engine_of(self.actuator, self.water)
+        return actuators.engine_of(self.actuator, self.water)
 
     @property
     def mass(self) -> float:
@@ -526,9 +515,9 @@ class Vehicle(Parameters):
     @property
     def command(self) -> Literal["voltage", "volume", "volume change"]:
         """What a control law commands: a positioner's volume, a change for pump and valve."""
-        if isinstance(self.engine, PumpAndValve):
+        if isinstance(self.engine, actuators.PumpAndValve):
             return "volume change"
-        return "volume" if isinstance(self.engine, Positioner) else "voltage"
+        return "volume" if isinstance(self.engine, actuators.Positioner) else "voltage"
 
     @property
     def voltage_driven(self) -> bool:
@@ -538,7 +527,7 @@ class Vehicle(Parameters):
     @property
     def piston_area(self) -> float | None:
         """Area of the piston [m2], also of a kind from elsewhere; None: none, or not known."""
-        return area_of(self.engine) or area_of(self.actuator)
+        return actuators.area_of(self.engine) or actuators.area_of(self.actuator)
 
     def neutral_volume(self, depth: float) -> float:
         """Return the volume at which the vehicle rests at `depth` [m], psi z + trim error [m3]."""
@@ -549,7 +538,7 @@ class Vehicle(Parameters):
         if self.voltage_driven and self.supply is None:
             what = "a voltage-driven actuator needs a supply"
             raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")
-        if isinstance(self.engine, PumpAndValve) and self.stroke.switch_margin:
+        if isinstance(self.engine, actuators.PumpAndValve) and self.stroke.switch_margin:
             what = "a pump and a valve have no limit switches before the ends of their stroke here"
             remedy = "Leave it out; the pump stops at the end of its stroke"
             raise refusal(what, remedy, "stroke.switch_margin")
@@ -565,8 +554,8 @@ class Vehicle(Parameters):
 
     def _electricity_fits(self) -> None:
         """Refuse pumps without a supply and loads of the same name."""
-        pump = self.engine.pump if isinstance(self.engine, PumpAndValve) else None
-        if isinstance(pump, DatasheetPump) and self.supply is None:
+        pump = self.engine.pump if isinstance(self.engine, actuators.PumpAndValve) else None
+        if isinstance(pump, actuators.DatasheetPump) and self.supply is None:
             what = "a pump from datasheets needs a supply"
             raise refusal(what, "Add a table [supply] with the battery's voltage", "supply")
         names = [load.name for load in self.loads]

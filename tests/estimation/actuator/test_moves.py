@@ -1,5 +1,7 @@
 """Moves at full speed, their voltage not logged: simulated by SciPy, and of a positioner."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest
@@ -211,3 +213,19 @@ def test_what_no_actuator_does_is_no_answer(time, position, name):
     vehicle = load_vehicle("feup-em")
     with refused(LogError, field="piston_m"):
         identify_actuator([log_of(log.time, 1e3 * log.piston)], vehicle)
+
+
+@pytest.mark.parametrize(
+    ("time", "position", "times"), [(1e3, 1.0, 1e-3), (1 / 60, 1.0, 60.0), (1.0, 1 / 25.4, 0.04)]
+)
+def test_a_speed_far_from_that_of_the_file_is_in_another_unit(time, position, times):
+    """Milliseconds, minutes and inches: speeds that some actuator has, known to a percent."""
+    vehicle = load_vehicle("ntnu-bv")
+    log = positioner(vehicle.actuator.speed)
+    assert identify_actuator([log], vehicle).identified
+    x, asked = position * log.piston, position * log.reference_piston
+    spoilt = replace(log, time=time * log.time, piston=x, reference_piston=asked)
+    found = identify_actuator([spoilt], vehicle)
+    assert not found.identified
+    (said,) = [f.sentence for f in found.findings if f.kind == "impossible"]
+    assert float(said.split(" is ")[1].split(" times ")[0]) == pytest.approx(times, rel=0.02)

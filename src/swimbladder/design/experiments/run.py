@@ -7,20 +7,7 @@ from itertools import pairwise
 from threadpoolctl import threadpool_limits
 
 from swimbladder.control.protocol import Does
-from swimbladder.design.experiments.conditions import (
-    FEWEST,
-    Conditions,
-    Question,
-    Ramps,
-    Release,
-    Setting,
-    covariance_of,
-    curve,
-    deeper,
-    evaluate,
-    ramps,
-    vehicles,
-)
+from swimbladder.design.experiments import conditions
 from swimbladder.design.experiments.result import Design, judge
 from swimbladder.design.experiments.search import Search, search, sizes
 from swimbladder.design.experiments.search import criterion as criterion_of
@@ -144,10 +131,10 @@ def design_experiment(
         held, known = read_values(fixed, UNITS), read_priors(priors, UNITS)
         names = tuple(free) if free is not None else default_names(model.law, list(held))
         check_parameters(names, Assumed(held, known), model, voltage=False)
-        question = Question(model, names, held, known)
+        question = conditions.Question(model, names, held, known)
         settled, how = _settling(vehicle, settling, bottom_depth, clearance)
         noise, neutral, drift = _errors(vehicle)
-        s = Setting(
+        s = conditions.Setting(
             bottom_depth=bottom_depth,
             clearance=clearance,
             sample_time=_sample_time(vehicle) if sample_time is None else sample_time,
@@ -164,11 +151,12 @@ def design_experiment(
         )
         _check(s, depth_noise)
         advance(0.05)
-        limits = ramps(vehicle, s)
+        limits = conditions.ramps(vehicle, s)
         remedy = "Give the share by which the vehicle may be off, like 30%"
         check_number(uncertainty, "uncertainty", least=0.0, most=1.0, remedy=remedy)
-        c = Conditions(question, s, limits, vehicle)
-        others = vehicles(question, covariance_of(question, vehicle, uncertainty))
+        c = conditions.Conditions(question, s, limits, vehicle)
+        before = conditions.covariance_of(question, vehicle, uncertainty)
+        others = conditions.vehicles(question, before)
         judged = criterion_of(criterion, question.names)
         finder = Search(conditions=c, vehicles=others, judge=judged)
         rival = _rival(vehicle, against, limits, s)
@@ -176,14 +164,14 @@ def design_experiment(
         chosen = search(
             finder, budget, max_experiments or _UNLIMITED, lambda part: advance(0.75 * part)
         )
-        ours = evaluate(chosen, c, others)
+        ours = conditions.evaluate(chosen, c, others)
         advance(0.07)
-        theirs = evaluate(rival, c, others) if rival else None
+        theirs = conditions.evaluate(rival, c, others) if rival else None
         advance(0.07)
         ends = sizes(c)
         end = min(limits.most, -limits.least, _LARGER * ends[-1])
-        buys = curve(c, (ends[0], end), budget)
-        stretched = deeper(chosen, c, _DEEPER)
+        buys = conditions.curve(c, (ends[0], end), budget)
+        stretched = conditions.deeper(chosen, c, _DEEPER)
         advance(0.06)
     return Design(
         vehicle=vehicle,
@@ -199,13 +187,13 @@ def design_experiment(
     )
 
 
-def paper_steps(volumes: Sequence[float], setting: Setting) -> list[Release]:
+def paper_steps(volumes: Sequence[float], setting: conditions.Setting) -> list[conditions.Release]:
     """Return single steps as in section 3.1: up from near the bottom, down from near the surface.
 
     volumes [m3].
     """
     starts = [setting.deepest if v > 0.0 else setting.shallowest for v in volumes]
-    return [Release.to_and_fro(z, [v], []) for z, v in zip(starts, volumes, strict=True)]
+    return [conditions.Release.to_and_fro(z, [v], []) for z, v in zip(starts, volumes, strict=True)]
 
 
 def _settling(
@@ -240,7 +228,7 @@ def _sample_time(vehicle: Vehicle) -> float:
     return vehicle.controller.sample_time if vehicle.controller is not None else 0.3
 
 
-def _check(s: Setting, depth_noise: float | None) -> None:
+def _check(s: conditions.Setting, depth_noise: float | None) -> None:
     """Raise InputError for what no pool or sensor is; depth_noise: the noise where it was given."""
     if not (s.noise > 0.0 or s.quantum > 0.0):
         what = "it must be above 0 where there is no `depth_quantum=`: no sensor is without either"
@@ -255,7 +243,7 @@ def _check(s: Setting, depth_noise: float | None) -> None:
     check_number(s.delay_std, "delay_std", "s", least=0.0)
     check_number(s.clearance, "clearance", "m", above=0.0)
     check_number(s.rest, "rest", "s", least=0.0)
-    check_number(s.longest, "max_record_time", "s", above=FEWEST * s.sample_time)
+    check_number(s.longest, "max_record_time", "s", above=conditions.FEWEST * s.sample_time)
     check_number(s.largest, "max_volume_change", "m3", above=0.0, most=math.inf)
     check_number(s.moves, "max_moves", "", least=1)
     if s.deepest - s.shallowest < _LEAST_TRAVEL:
@@ -266,8 +254,11 @@ def _check(s: Setting, depth_noise: float | None) -> None:
 
 
 def _rival(
-    vehicle: Vehicle, against: Sequence[float] | None, limits: Ramps, setting: Setting
-) -> list[Release]:
+    vehicle: Vehicle,
+    against: Sequence[float] | None,
+    limits: conditions.Ramps,
+    setting: conditions.Setting,
+) -> list[conditions.Release]:
     """Return the releases to compare with; raises InputError for what the stroke cannot do."""
     if against is None:
         fits = all(limits.least <= dV <= limits.most for dV in PAPER)
@@ -288,7 +279,7 @@ def _rival_name(against: Sequence[float] | None) -> str:
     return f"steps of {', '.join(f'{1e6 * dV:g}' for dV in against)} cm3"
 
 
-def _assumptions(c: Conditions, how: str, count: int) -> tuple[str, ...]:
+def _assumptions(c: conditions.Conditions, how: str, count: int) -> tuple[str, ...]:
     q, s = c.question, c.setting
     known = "not known"
     if math.isfinite(s.neutral_std):

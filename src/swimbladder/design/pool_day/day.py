@@ -17,19 +17,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from swimbladder.design.plan import Move, Plan
-from swimbladder.design.pool_day.segments import (
-    FEWEST,
-    Changed,
-    Cut,
-    End,
-    Event,
-    Ready,
-    Refused,
-    Rules,
-    Sample,
-    Segmenter,
-    Turned,
-)
+from swimbladder.design.pool_day import segments
 from swimbladder.design.pool_day.verdict import LEAST, Asked, Target, Verdict, judge
 from swimbladder.errors import InputError, LogError, Parameter, check_number
 from swimbladder.estimation.estimates import read_priors, read_values
@@ -175,7 +163,7 @@ class Kept:
 _FACTS = [f.name for f in fields(Kept) if f.name not in ("path", "log", "remarks")]
 
 
-def keep(folder: Path, number: int, cut: Cut, source: str, remarks: list[str]) -> Kept:
+def keep(folder: Path, number: int, cut: segments.Cut, source: str, remarks: list[str]) -> Kept:
     """Write an experiment as a log and read it back, so that the fit sees what is on disk."""
     path = write_csv(folder / f"experiment-{number:03d}.csv", cut.columns())
     facts = (cut.released, cut.change, cut.travel, cut.end.value, cut.rest.depth, cut.rest.speed)
@@ -190,10 +178,10 @@ def set_aside(kept: Kept, why: str) -> Kept:
     return replace(kept, path=path, log=log, set_aside=why)
 
 
-def same_start(kept: Kept, cut: Cut, source: str) -> bool:
+def same_start(kept: Kept, cut: segments.Cut, source: str) -> bool:
     """Say whether a cut is an experiment that is kept, if perhaps cut longer or shorter."""
     columns, log = cut.columns(), kept.log
-    n = min(len(log), len(columns["time_s"]), FEWEST)
+    n = min(len(log), len(columns["time_s"]), segments.FEWEST)
     begin = [columns[name][:n] for name in ("time_s", "depth_m")]
     return kept.source == source and np.array_equal([log.time[:n], log.depth[:n]], begin)
 
@@ -246,7 +234,7 @@ _CREEP = 0.05  # of the change of volume
 _FAR = 4.0  # standard deviations
 
 
-def of_cut(cut: Cut, rules: Rules) -> Iterator[str]:
+def of_cut(cut: segments.Cut, rules: segments.Rules) -> Iterator[str]:
     """Yield what is to be said of an experiment as it was cut out of the log."""
     glide = cut.glide
     if abs(cut.rest.speed) > rules.rest_speed:
@@ -256,11 +244,12 @@ def of_cut(cut: Cut, rules: Rules) -> Iterator[str]:
     if len(glide) < _FEW:
         more = "a smaller change of volume, or a faster logger, gives more"
         yield f"Only {len(glide)} samples: {more}."
-    if cut.end in (End.SURFACE, End.BOTTOM, End.STOPPED) and abs(cut.travel) < _EARLY:
+    ends = segments.End
+    if cut.end in (ends.SURFACE, ends.BOTTOM, ends.STOPPED) and abs(cut.travel) < _EARLY:
         other = "deeper" if cut.travel < 0.0 else "higher"
         end = f"{cut.end.value[0].upper()}{cut.end.value[1:]}"
         yield f"{end} after only {abs(cut.travel):.2g} m: rest {other} before the release."
-    if cut.end is End.PISTON:
+    if cut.end is segments.End.PISTON:
         moved = f"The piston moved after {abs(cut.travel):.2g} m; what came then is left out"
         yield f"{moved}. Leave it alone until the vehicle has arrived."
     last = [s.volume for s in glide[-max(3, len(glide) // 10) :]]
@@ -316,7 +305,7 @@ class PoolDay(Answer):
     vehicle: Vehicle
     folder: Path
     _: KW_ONLY
-    rules: Rules
+    rules: segments.Rules
     tasks: Sequence[Task]
     asked: Asked
     mode: str
@@ -329,9 +318,9 @@ class PoolDay(Answer):
         self.found: Identification | None = None
         self.source = ""
         self._whole = False
-        self._segmenter = Segmenter(self.rules)
+        self._segmenter = segments.Segmenter(self.rules)
         self._fed = False
-        self.latest: Sample | None = None
+        self.latest: segments.Sample | None = None
         self.verdict: Verdict = self._judge()
         if self.kept:
             self._identify()
@@ -341,10 +330,10 @@ class PoolDay(Answer):
     def begin_log(self, source: str) -> list[News]:
         """Forget the samples so far, not the experiments: those to come are of another log."""
         news = list(self.end_log()) if self._fed else []
-        self.source, self._segmenter, self._fed = source, Segmenter(self.rules), False
+        self.source, self._segmenter, self._fed = source, segments.Segmenter(self.rules), False
         return news
 
-    def feed(self, samples: Iterable[Sample]) -> Iterator[News]:
+    def feed(self, samples: Iterable[segments.Sample]) -> Iterator[News]:
         """Yield what the samples make happen."""
         for sample in samples:
             self._fed, self.latest = True, sample
@@ -356,18 +345,18 @@ class PoolDay(Answer):
         for event in self._segmenter.close():
             yield from self._on(event)
 
-    def _on(self, event: Event) -> Iterator[News]:
-        if isinstance(event, Ready):
+    def _on(self, event: segments.Event) -> Iterator[News]:
+        if isinstance(event, segments.Ready):
             rest = event.rest
             at = f"{rest.depth:.2f} m ({1e3 * rest.speed:+.2f} mm/s over a minute)"
             yield News("ready", event.time, f"At rest at {at}. {self._at(rest.depth)}")
-        elif isinstance(event, Changed):
+        elif isinstance(event, segments.Changed):
             changed = f"The volume was changed by {1e6 * event.change:+.3g} cm3"
             said = f"{changed}: experiment {self._number} is under way. Leave the piston alone."
             yield News("started", event.time, said)
-        elif isinstance(event, Turned):
+        elif isinstance(event, segments.Turned):
             yield News("turned", event.time, f"Now {1e6 * event.volume:+.3g} cm3.")
-        elif isinstance(event, Refused):
+        elif isinstance(event, segments.Refused):
             yield self._refuse(event.time, event.sentence(self.rules))
         else:
             yield from self._keep(event)
@@ -376,7 +365,7 @@ class PoolDay(Answer):
         self.refused.append(News("refused", time, sentence))
         return self.refused[-1]
 
-    def _keep(self, cut: Cut) -> Iterator[News]:
+    def _keep(self, cut: segments.Cut) -> Iterator[News]:
         before = (*self.kept, *self.aside)
         known = next((k for k in before if same_start(k, cut, self.source)), None)
         if known is not None and (known.set_aside or len(known.log) >= len(cut.samples)):
@@ -515,7 +504,7 @@ class PoolDay(Answer):
         }
 
 
-def _summary(number: int, cut: Cut, said: Sequence[str]) -> str:
+def _summary(number: int, cut: segments.Cut, said: Sequence[str]) -> str:
     way = "down" if cut.travel > 0.0 else "up"
     took = f"{cut.samples[-1].time - cut.released:.0f} s, {len(cut.glide)} samples"
     moved = f"{1e6 * cut.change:+.3g} cm3, {abs(cut.travel):.2f} m {way} in {took}"
@@ -530,16 +519,16 @@ def rules_of(
     vehicle: Vehicle,
     *,
     bottom_depth: float | None = None,
-    travel: float = Rules().travel,
+    travel: float = segments.Rules().travel,
     plan: Plan | None = None,
-) -> Rules:
+) -> segments.Rules:
     """Return by which numbers phases are distinguished.
 
     bottom_depth: of the bottom, None where it is not known; travel: after which an experiment is
     over [m]. A plan says where its records end. Raises InputError for a distance that says
     nothing.
     """
-    least = Rules().least_travel
+    least = segments.Rules().least_travel
     further = f"an experiment has to go further than {least:g} m"
     if not travel > least:
         remedy = "Give more, or leave it out"
@@ -550,7 +539,7 @@ def rules_of(
         longest = max(one.longest for one in plan.experiments)
         change = min(change, *(0.5 * abs(one.moves[0].volume) for one in plan.experiments))
         ends = {"surface": plan.shallowest, "bottom": plan.deepest, "longest": longest}
-        return Rules(change=change, travel=math.inf, turns=True, **ends)
+        return segments.Rules(change=change, travel=math.inf, turns=True, **ends)
     # A quarter of the pool's depth is kept clear at either end: see paper_tasks.
     shallowest = vehicle.hull.emergence_depth + (least + 0.1) / 0.75
     if bottom_depth is not None and bottom_depth <= shallowest:
@@ -559,7 +548,7 @@ def rules_of(
         raise InputError(what, field=place, value=bottom_depth, unit="m", remedy=remedy)
     surface = vehicle.hull.emergence_depth + 0.1
     bottom = math.inf if bottom_depth is None else bottom_depth - 0.05
-    return Rules(change=change, surface=surface, travel=travel, bottom=bottom)
+    return segments.Rules(change=change, surface=surface, travel=travel, bottom=bottom)
 
 
 def asked_of(

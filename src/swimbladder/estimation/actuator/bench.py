@@ -16,6 +16,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from swimbladder.errors import InputError, LogError, column_as
 from swimbladder.estimation.comparison.misread import refuse_wrong_stroke
+from swimbladder.estimation.estimates import too_many
 from swimbladder.estimation.series import Autoregression, Index, scale, stretches, white_noise
 from swimbladder.estimation.series import autoregression as of_blocks
 from swimbladder.io.logs import Log
@@ -154,6 +155,14 @@ def bench(log: Log, vehicle: Vehicle | None = None) -> Bench:
         voltage = _for_the_motor(log, voltage, vehicle, depth, notes)
         if vehicle is not None:
             position = _without_leakage(log, time, position, vehicle)
+    spans = np.rint(np.diff(time) / step)
+    lost = int(np.maximum(spans[spans <= _GAP] - 1.0, 0.0).sum())
+    if log.voltage is not None and too_many(lost, len(time) + lost):
+        what = (
+            f"{lost} samples of {len(time) + lost} are missing: when the voltage changed is unknown"
+        )
+        remedy = "Log position and voltage with each sample"
+        raise LogError(what, file=log.source, field="voltage_V", remedy=remedy)
     edges = np.flatnonzero(np.diff(time) > _GAP * step) + 1
     if len(edges):
         notes.append(f"{len(edges)} gaps in time: what happened in them is not used")

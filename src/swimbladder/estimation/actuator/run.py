@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from threadpoolctl import threadpool_limits
 
 from swimbladder.errors import InputError, NoAnswerError
+from swimbladder.estimation.actuator import voltage
 from swimbladder.estimation.actuator.bench import Bench, Driven, bench
 from swimbladder.estimation.actuator.model import LOGARITHMIC, PRIOR, shown
 from swimbladder.estimation.actuator.moves import WIDE, MovesFit, fit_moves, together
@@ -17,17 +18,6 @@ from swimbladder.estimation.actuator.result import (
     LogFit,
     Step,
     nine,
-)
-from swimbladder.estimation.actuator.voltage import (
-    SoftStart,
-    VoltageFit,
-    between_samples,
-    by_direction,
-    covariance_of,
-    fit_voltage,
-    from_voltage,
-    soft_start,
-    steps_of,
 )
 from swimbladder.estimation.estimates import (
     Z95,
@@ -42,6 +32,7 @@ from swimbladder.estimation.estimates import (
 )
 from swimbladder.io.logs import Log
 from swimbladder.io.progress import Advance, silent
+from swimbladder.physics.dynamics import plant
 from swimbladder.vehicle import Vehicle
 
 _WIDE = 1.5  # times, by which an interval is wider
@@ -51,7 +42,7 @@ _INCONSISTENT = 0.25  # those after which there is no one number
 
 
 def of_voltage(
-    fit: VoltageFit, parameters: Mapping[str, Estimate], soft: SoftStart | None
+    fit: voltage.VoltageFit, parameters: Mapping[str, Estimate], soft: voltage.SoftStart | None
 ) -> Iterator[Finding]:
     """Yield what is to be said of a fit to voltage steps, and of its driver's soft start."""
     problem, spread = fit.problem, fit.spread
@@ -211,6 +202,7 @@ def identify_actuator(
     missing = [(n, parameters[called(n)].why) for n in required if not parameters[called(n)].known]
     refused = [Finding.of("actuator", "not identifiable", name=n, why=why) for n, why in missing]
     refused += _impossible(parameters, benches[0].unit)
+    refused += [] if vehicle is None else _unlike(parameters, benches[0], vehicle)
     which = "the log" if len(benches) == 1 else f"the {len(benches)} logs"
     priors = {"speeds": PRIOR, "rest": WIDE * PRIOR, "least": _CLOSEST}
     claim = sentence("actuator", "one log" if len(benches) == 1 else "several logs", **priors)
@@ -251,6 +243,19 @@ def _impossible(parameters: Mapping[str, Estimate], unit: str) -> Iterator[Findi
             yield Finding.of("actuator", "impossible", name=name, value=shown(e.value, e.unit))
 
 
+def _unlike(parameters: Mapping[str, Estimate], one: Bench, vehicle: Vehicle) -> Iterator[Finding]:
+    """Yield which speeds are so far from those of the vehicle's file that a unit is wrong."""
+    p, area = plant(vehicle), vehicle.piston_area if one.quantity == "piston" else 1.0
+    full = p.rate if p.positioner else p.gain * p.supply
+    for name, of_file in {"rate": full, "K1": p.gain, "K1A": p.gain}.items() if area else ():
+        e, own = parameters.get(name), of_file / (area or 1.0)
+        times = e.value / own if e and e.origin == "data" and own > 0.0 else 1.0
+        if e and not 1.0 < _UNLIKE * times < _UNLIKE**2:
+            said = {"value": shown(e.value, e.unit), "own": shown(own, e.unit)}
+            yield Finding.of("actuator", "unlike", name=name, times=times, **said)
+
+
+_UNLIKE = 20.0  # times: inches for mm, minutes for s and ms for s are more
 _CLOSEST = 1e-4  # of a value that is positive: no log knows it better
 
 
@@ -299,19 +304,19 @@ _WHAT = {"voltage": "a voltage", "reference": "what was asked for", "nothing": "
 def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Advance) -> _Found:
     unit = benches[0].unit
     share = 1.0 / (len(benches) + 1)
-    fit = fit_voltage(benches, fixed)
-    led = between_samples(fit)
+    fit = voltage.fit_voltage(benches, fixed)
+    led = voltage.between_samples(fit)
     taken = led or benches
     if led:
-        fit = fit_voltage(led, fixed)
-    parameters = from_voltage(fit, fixed, unit)
+        fit = voltage.fit_voltage(led, fixed)
+    parameters = voltage.from_voltage(fit, fixed, unit)
     advance(share)
     alone: list[LogFit] = []
     for one in taken:
         alone.append(_alone(one, fixed) if len(taken) > 1 else LogFit(one.source, parameters))
         advance(share)
     T1 = parameters["T1"]
-    soft = soft_start(fit) if T1.origin == "data" else None
+    soft = voltage.soft_start(fit) if T1.origin == "data" else None
     findings = [*of_voltage(fit, parameters, soft)]
     if led:
         findings.append(Finding.of("actuator", "between samples"))
@@ -322,8 +327,9 @@ def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Adva
     apart = [n for n, p in chance.items() if p < _DIFFERENT and parameters[n].origin == "data"]
     parameters |= {name: mean[name] for name in apart}
     findings += between_logs(parameters, chance, alone)
-    covariance, derived = covariance_of(fit, parameters), by_direction(fit, parameters, unit)
-    said, logs, steps = tuple(findings), tuple(alone), steps_of(fit, benches)
+    covariance = voltage.covariance_of(fit, parameters)
+    derived = voltage.by_direction(fit, parameters, unit)
+    said, logs, steps = tuple(findings), tuple(alone), voltage.steps_of(fit, benches)
     more = taken[0].clock, _BETWEEN if led else 1.0
     return _Found(parameters, said, covariance, derived, fit.noise, logs, steps, *more)
 
@@ -331,10 +337,10 @@ def _voltage(benches: Sequence[Bench], fixed: Mapping[str, float], advance: Adva
 def _alone(one: Bench, fixed: Mapping[str, float]) -> LogFit:
     """Return the estimates from one of several logs, or why there are none."""
     try:
-        fit = fit_voltage([one], fixed)
+        fit = voltage.fit_voltage([one], fixed)
     except NoAnswerError as error:
         return LogFit(one.source, {}, refusal=str(error))
-    return LogFit(one.source, from_voltage(fit, fixed, one.unit))
+    return LogFit(one.source, voltage.from_voltage(fit, fixed, one.unit))
 
 
 def _moves(benches: Sequence[Bench], advance: Advance) -> _Found:

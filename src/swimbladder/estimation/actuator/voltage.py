@@ -19,24 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from swimbladder.estimation.actuator import model
 from swimbladder.estimation.actuator.bench import Bench, Block, autoregression, cut, spikes
-from swimbladder.estimation.actuator.model import (
-    FINEST,
-    LOGARITHMIC,
-    Problem,
-    Spread,
-    drive_of,
-    first_guess,
-    gains,
-    guess_from,
-    half_width,
-    robustly,
-    shown,
-    slope,
-    speeds,
-    steady_speed,
-    tolerance,
-)
 from swimbladder.estimation.actuator.result import PARAMETERS, Step
 from swimbladder.estimation.estimates import Z95, Estimate, bounded_fit, crossing, sentence
 from swimbladder.estimation.series import WHITE, Autoregression, scale
@@ -54,13 +38,13 @@ class VoltageFit:
     residual: measured less fitted of every sample in a block [m], its start taken off.
     """
 
-    problem: Problem
+    problem: model.Problem
     q: Array
     covariance: Array
     known: Array
     blind: Array
     sigma: float  # m, of the innovations
-    spread: Spread
+    spread: model.Spread
     residual: Array
 
     @property
@@ -73,7 +57,8 @@ class VoltageFit:
         std = math.sqrt(max(float(direction @ self.covariance @ direction), 0.0))
         if not self.known.size or std == 0.0:
             return std, 1.96 * std
-        return std, half_width(self.spread.weights, self.spread.variances(self.known, direction))
+        variances = self.spread.variances(self.known, direction)
+        return std, model.half_width(self.spread.weights, variances)
 
     @property
     def widened(self) -> float:
@@ -83,13 +68,13 @@ class VoltageFit:
         K1 = np.array([float(name == "K1") for name in self.problem.free])
         variances = self.spread.variances(self.known, K1)
         alike = 1.96 * math.sqrt(max(float(variances[0]), 1e-300))
-        return half_width(self.spread.weights, variances) / alike
+        return model.half_width(self.spread.weights, variances) / alike
 
     @property
     def repeats(self) -> int:
         """How many steps there are beyond those that the gains need."""
-        gains = sum(name != "T1" for name in self.problem.free)
-        return int((self.problem.whiten.size > 0.0).sum()) - gains if self.problem.whiten else 0
+        needed = sum(name != "T1" for name in self.problem.free)
+        return int((self.problem.whiten.size > 0.0).sum()) - needed if self.problem.whiten else 0
 
     @property
     def deviance(self) -> float:
@@ -130,16 +115,16 @@ def fit_voltage(benches: Sequence[Bench], fixed: Mapping[str, float]) -> Voltage
     blocks = [block for log, bench in enumerate(benches) for block in cut(bench, log)]
     names = ("K1", "T1", "dead_zone", "load_voltage", "asymmetry")
     free = tuple(name for name in names if name not in fixed)
-    guess = first_guess(benches, free)
+    guess = model.first_guess(benches, free)
     one_way = _one_way(benches, blocks, guess)
     held = {"asymmetry": 1.0, "load_voltage": 0.0} if one_way else {}
     fixed = {**held, **fixed}
     free = tuple(name for name in free if name not in fixed)
-    problem = Problem(benches, blocks, free, fixed, _driven_at_once(benches, guess))
-    q = robustly(problem, {**guess, **fixed})
+    problem = model.Problem(benches, blocks, free, fixed, _driven_at_once(benches, guess))
+    q = model.robustly(problem, {**guess, **fixed})
     if any(problem.moving.values()):
         _at_rest(problem, q)
-        q = robustly(problem, {**problem.values(q), **fixed})
+        q = model.robustly(problem, {**problem.values(q), **fixed})
     fit = _refine(problem, q)
     return fit if "rate" in fixed else _with_limit(fit) or fit
 
@@ -166,12 +151,12 @@ def _driven_at_once(
     return found
 
 
-def _at_rest(problem: Problem, q: Array) -> None:
+def _at_rest(problem: model.Problem, q: Array) -> None:
     """Say of the runs that begin under a voltage which begin at rest all the same.
 
     It has to be far more likely than that the motion was steady: else their start is left out.
     """
-    size = max(scale(problem.by_median(problem.residual(q))), tolerance(problem.benches))
+    size = max(scale(problem.by_median(problem.residual(q))), model.tolerance(problem.benches))
     for place in [place for place, moving in problem.moving.items() if moving]:
         own = [k for k, b in enumerate(problem.blocks) if (b.log, b.run) == place]
         first = problem.block == (own[0] if own else -1)
@@ -185,7 +170,7 @@ def _at_rest(problem: Problem, q: Array) -> None:
         problem.moving[place] = loss() > steady - _CLEARLY
 
 
-def _refine(problem: Problem, q: Array) -> VoltageFit:
+def _refine(problem: model.Problem, q: Array) -> VoltageFit:
     """Return the fit with outliers left out, and noise and differing gains as they show."""
     noise = WHITE
     for round_ in range(_ROUNDS):
@@ -199,38 +184,38 @@ def _refine(problem: Problem, q: Array) -> VoltageFit:
         before, q = q, solve(problem, q)
         if round_ > 1 and np.abs(q - before).max(initial=0.0) < 1e-5:
             break
-    jacobian, residual = slope(problem, q), problem.white(q)
+    jacobian, residual = model.slope(problem, q), problem.white(q)
     lost = len(q) + len(np.unique(problem.block[problem.used]))
     sigma = math.sqrt(float(residual @ residual) / max(len(residual) - lost, 1))
-    sigma = max(sigma, FINEST * tolerance(problem.benches))
+    sigma = max(sigma, model.FINEST * model.tolerance(problem.benches))
     of_q = _covariance(jacobian, sigma, problem.free)
     return VoltageFit(problem, q, *of_q, sigma, spread, problem.centred(problem.residual(q)))
 
 
-def _whiten(problem: Problem, q: Array, noise: Autoregression) -> Spread:
+def _whiten(problem: model.Problem, q: Array, noise: Autoregression) -> model.Spread:
     """Choose the whitener of a noise, and of gains that differ as far as can be known."""
     problem.whitened_with(q, noise, 0.0, 0.0)
-    spread = gains(problem, q)
+    spread = model.gains(problem, q)
     sigma = float(spread.sigmas @ spread.weights)
     problem.whitened_with(q, noise, spread.typical, sigma)
     return spread
 
 
-def solve(problem: Problem, q: Array) -> Array:
+def solve(problem: model.Problem, q: Array) -> Array:
     """Return the free parameters, as they are turned, that make the whitened residuals small."""
-    size = max(tolerance(problem.benches), 1e-12)
+    size = max(model.tolerance(problem.benches), 1e-12)
 
     def residual(x: Array) -> Array:
         return problem.white(x) / size
 
     def jacobian(x: Array) -> Array:
-        return slope(problem, x) / size
+        return model.slope(problem, x) / size
 
     ends = (1e-8, 1e-9, 1e-9)
     return bounded_fit(residual, jacobian, q, problem.bounds(), ends=ends, most=40)[1]
 
 
-def _leave_out(problem: Problem, q: Array) -> None:
+def _leave_out(problem: model.Problem, q: Array) -> None:
     """Mark the samples that are no outliers."""
     residual = problem.by_median(problem.residual(q))
     size = scale(residual)
@@ -263,15 +248,15 @@ def _covariance(jacobian: Array, sigma: float, free: Sequence[str]) -> tuple[Arr
 def _with_limit(fit: VoltageFit) -> VoltageFit | None:
     """Return the fit with a limit of the speed, where the speeds suggest one and it is better."""
     problem = fit.problem
-    rows = np.concatenate([speeds(b) for b in problem.benches])
+    rows = np.concatenate([model.speeds(b) for b in problem.benches])
     top = _levels_off(rows, problem.top)
     if top is None:
         return None
     slower = rows[np.abs(rows[:, 1]) < 0.95 * top]
-    guess = {**guess_from(slower, problem.top, problem.free), **problem.fixed, "rate": top}
+    guess = {**model.guess_from(slower, problem.top, problem.free), **problem.fixed, "rate": top}
     limited = problem.changed((*problem.free, "rate"))
     limited.used[:], limited.early[:] = True, False
-    found = _refine(limited, robustly(limited, guess))
+    found = _refine(limited, model.robustly(limited, guess))
     return found if found.deviance < fit.deviance - _LIMIT_SEEN else None
 
 
@@ -391,7 +376,7 @@ def _earlier(bench: Bench, share: float) -> Bench:
     return replace(bench, voltage=mean, clock=bench.step / math.sqrt(12.0))
 
 
-def _deviance(problem: Problem, q: Array) -> float:
+def _deviance(problem: model.Problem, q: Array) -> float:
     left = float(np.sum(problem.white(q) ** 2))
     return int(problem.used.sum()) * math.log(max(left, 1e-300))
 
@@ -439,7 +424,8 @@ def from_voltage(fit: VoltageFit, chosen: Mapping[str, float], unit: str) -> dic
             found[name] = Estimate.unknown(of, _blind(fit))
         else:
             alone = {name: 1.0}
-            found[name] = _along(fit, values[name], of, logarithmic=name in LOGARITHMIC, **alone)
+            log = name in model.LOGARITHMIC
+            found[name] = _along(fit, values[name], of, logarithmic=log, **alone)
             if name == "dead_zone" and found[name].ci95[0] < 0.0:
                 found[name] = replace(found[name], ci95=(0.0, found[name].ci95[1]))
     return found
@@ -463,9 +449,9 @@ _ONE_WAY = {
 def _rate(fit: VoltageFit, unit: str) -> Estimate:
     if "K1" in fit.problem.free and "K1" not in named(fit):
         return Estimate.unknown(unit, _blind(fit))
-    drive, top = drive_of(fit.values), fit.problem.top
-    fastest = max(abs(steady_speed(top, drive)), abs(steady_speed(-top, drive)))
-    reached = f"at {top:.3g} V, the largest voltage, it reaches {shown(fastest, unit)}"
+    drive, top = model.drive_of(fit.values), fit.problem.top
+    fastest = max(abs(model.steady_speed(top, drive)), abs(model.steady_speed(-top, drive)))
+    reached = f"at {top:.3g} V, the largest voltage, it reaches {model.shown(fastest, unit)}"
     return Estimate.bounded(fastest, math.inf, unit, f"no limit is seen: {reached}")
 
 
@@ -486,15 +472,15 @@ def _and(names: set[str]) -> str:
 
 def by_direction(fit: VoltageFit, found: dict[str, Estimate], unit: str) -> dict[str, Estimate]:
     """Return the gains and the edges of the dead zone outward and inward, if identified."""
-    drive, zone, load = drive_of(fit.values), fit.values["dead_zone"], fit.values["load_voltage"]
-    gains, edges = [], []
+    drive, each_way, edges = model.drive_of(fit.values), [], []
     for way, sign, gain in (("out", 1.0, drive.K_out), ("in", -1.0, drive.K_in)):
-        gains.append((f"K1_{way}", gain, f"{unit}/s/V", {"K1": 1.0, "asymmetry": 0.5 * sign}))
+        each_way.append((f"K1_{way}", gain, f"{unit}/s/V", {"K1": 1.0, "asymmetry": 0.5 * sign}))
         weights = {"dead_zone": 1.0, "load_voltage": sign}
-        edges.append((f"threshold_{way}", sign * load + zone, "V", weights))
+        edge = sum(x * fit.values[name] for name, x in weights.items())
+        edges.append((f"threshold_{way}", edge, "V", weights))
     return {
         name: _along(fit, value, of, logarithmic="K1" in weights, **weights)
-        for name, value, of, weights in (*gains, *edges)
+        for name, value, of, weights in (*each_way, *edges)
         if all(found[n].known for n in weights)
     }
 
@@ -503,7 +489,7 @@ def covariance_of(fit: VoltageFit, found: dict[str, Estimate]) -> dict[str, dict
     """Return the covariance of the identified parameters, in SI, by name."""
     values = fit.values
     identified = [n for n in fit.problem.free if found[n].known]
-    sizes = {n: values[n] if n in LOGARITHMIC else fit.problem.top for n in identified}
+    sizes = {n: values[n] if n in model.LOGARITHMIC else fit.problem.top for n in identified}
     at = {n: fit.problem.free.index(n) for n in identified}
     return {
         a: {b: float(fit.covariance[at[a], at[b]]) * sizes[a] * sizes[b] for b in identified}

@@ -35,24 +35,9 @@ from swimbladder.estimation.estimates import (
     sentence,
     undetermined,
 )
+from swimbladder.estimation.motion import deep_model
 from swimbladder.estimation.motion.deep_filter import Noise, displaced_variance
 from swimbladder.estimation.motion.deep_fit import FACTOR, NOISES, DeepFit, balance, fit_deep, least
-from swimbladder.estimation.motion.deep_model import (
-    CAST,
-    DEEP,
-    DEFAULT,
-    Body,
-    DeepDive,
-    Replay,
-    body_of,
-    cast_volume,
-    check_deep_request,
-    deep_dive,
-    drag_volume,
-    priors_of,
-    replay,
-    run_volumes,
-)
 from swimbladder.estimation.series import rms
 from swimbladder.io.answers import Answer, as_json
 from swimbladder.io.float_log import FloatLog
@@ -148,12 +133,12 @@ def identified_vehicle(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle
     [water] is not as warm as reference_temperature. Volumes of a law whose actions are seconds of
     pump and valve are those of as many seconds.
     """
-    return weighing(_filled(vehicle, values), body_of(vehicle).mass)
+    return weighing(_filled(vehicle, values), deep_model.body_of(vehicle).mass)
 
 
 def _filled(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     """Return the vehicle with these values, before its trim_error follows them."""
-    body, actuator = body_of(vehicle), vehicle.engine
+    body, actuator = deep_model.body_of(vehicle), vehicle.engine
     assert isinstance(actuator, PumpAndValve)
 
     changed: dict[str, Any] = {}
@@ -217,7 +202,7 @@ def out_of_place(vehicle: Vehicle, values: Mapping[str, float], names: Sequence[
             if name in ("pump_delivery", "pump_slip", "valve", "bypass"):
                 stands = f"{field} would be {written:.4g} {unit}, and "
             texts = {"name": name, "field": field, "check": check, "stands": stands}
-            value = f"{values[name]:.4g} {DEEP[name].unit}".rstrip()
+            value = f"{values[name]:.4g} {deep_model.DEEP[name].unit}".rstrip()
             limits = f"{' and '.join(bounds)} {unit}".rstrip()
             found.append(sentence("deep", "out of place", **texts, value=value, bounds=limits))
     return found
@@ -259,7 +244,7 @@ class Misfit(NamedTuple):
         return max(self.imbalance, self.speeds)
 
 
-def misfit_of(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> Misfit:
+def misfit_of(body: deep_model.Body, fit: DeepFit, k: int, dive: deep_model.DeepDive) -> Misfit:
     """Return how far volume balance and speeds of dive `k` of a fit are off."""
     off = balance(body, fit.values, float(fit.starts[k]), dive)
     imbalance = _times(off / _noise(body, fit, dive)) if len(off) else 0.0
@@ -270,7 +255,7 @@ def _times(ratio: Array) -> float:
     return float(np.median(np.abs(ratio))) / _MEDIAN
 
 
-def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
+def _noise(body: deep_model.Body, fit: DeepFit, dive: deep_model.DeepDive) -> Array:
     """Return the expected imbalance of a dive's volumes at each piece [m3] [n], 1 sigma.
 
     Noise counts at most for its prior value times its factor: a fit that cannot describe a dive
@@ -278,7 +263,7 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     """
     noise = Noise(*np.minimum(fit.noise, NOISES * np.exp(FACTOR)).tolist())
     p = dive.pieces
-    carried = np.abs(drag_volume(fit.values, p.speed, p.density, dive.gravity))
+    carried = np.abs(deep_model.drag_volume(fit.values, p.speed, p.density, dive.gravity))
     per_speed = 2.0 * carried / np.maximum(np.abs(p.speed), np.finfo(float).tiny)
     measured = np.sqrt(2.0 * noise.pressure**2 + p.rounding)
     measured = measured / (p.density * dive.gravity * p.duration)
@@ -286,8 +271,8 @@ def _noise(body: Body, fit: DeepFit, dive: DeepDive) -> Array:
     moved = displaced_variance(noise.water**2, noise.lasts)
     variance = per_speed**2 * (noise.water**2 + measured**2)
     variance += noise.drift**2 * p.elapsed
-    variance += noise.runs**2 * (p.before @ run_volumes(fit.values, dive) ** 2)
-    variance += layers**2 * moved + cast_volume(body, fit.priors, layers) ** 2
+    variance += noise.runs**2 * (p.before @ deep_model.run_volumes(fit.values, dive) ** 2)
+    variance += layers**2 * moved + deep_model.cast_volume(body, fit.priors, layers) ** 2
     return np.asarray(np.sqrt(variance))
 
 
@@ -354,10 +339,10 @@ def weakly_determined(fit: DeepFit, weak: Sequence[str]) -> list[str]:
 
 
 def _within(name: str, mean: float, std: float) -> str:
-    return f"{mean:.4g} +- {std:.2g} {DEEP[name].unit}".rstrip()
+    return f"{mean:.4g} +- {std:.2g} {deep_model.DEEP[name].unit}".rstrip()
 
 
-def differences(fit: DeepFit, dives: Sequence[DeepDive]) -> list[str]:
+def differences(fit: DeepFit, dives: Sequence[deep_model.DeepDive]) -> list[str]:
     """Say how far dives differ, and what of that the intervals have."""
     kept = effects_json(fit)
     if kept is None:
@@ -391,11 +376,11 @@ _FAR = 2.5  # deviations of a prior, one in eighty by chance
 class DiveFit:
     """The residuals of one dive: of its volume balance and of its replay."""
 
-    dive: DeepDive
+    dive: deep_model.DeepDive
     start: Estimate  # m3, the drive's volume when the dive began
     imbalance: Array  # m3 [n], at each sample
     speed: Array  # m/s [n], measured less modelled
-    replay: Replay
+    replay: deep_model.Replay
     misfit: Misfit  # how far off that is, in times the noise
 
 
@@ -443,7 +428,9 @@ class DeepIdentification(Answer):
                 for one in self.dives
             ],
             "imbalance_rms_m3": rms(np.concatenate([one.imbalance for one in self.dives])),
-            "priors": {n: p._asdict() for n, p in fit.priors.items() if n in (*fit.names, *CAST)},
+            "priors": {
+                n: p._asdict() for n, p in fit.priors.items() if n in (*fit.names, *deep_model.CAST)
+            },
             **as_json(self, "sentences assumptions"),
         }
 
@@ -487,19 +474,22 @@ def identify_deep(
     InputError
         The vehicle has no pump and valve, a log has no dive, or what is asked cannot be identified.
     """
-    held, before = check_deep_request(
+    held, before = deep_model.check_deep_request(
         vehicle, len(logs), len(casts), free=free, fixed=fixed, priors=priors
     )
     check_distinct(logs)
     each = list(casts) * (len(logs) if len(casts) == 1 else 1)
     pairs = zip(logs, each, strict=True)
-    dives = [deep_dive(log, column, vehicle, name=Path(log.source).name) for log, column in pairs]
-    body = body_of(vehicle)
-    known = priors_of(vehicle, before)
-    values = {name: known[name].mean for name in DEEP} | dict(held)
+    dives = [
+        deep_model.deep_dive(log, column, vehicle, name=Path(log.source).name)
+        for log, column in pairs
+    ]
+    body = deep_model.body_of(vehicle)
+    known = deep_model.priors_of(vehicle, before)
+    values = {name: known[name].mean for name in deep_model.DEEP} | dict(held)
     _check_place(vehicle, values, {"fixed": held, "priors": before})
     run = ("bypass",) if any(dive.actions.bypass.any() for dive in dives) else ()
-    names = tuple(free or [n for n in (*DEFAULT, *run) if n not in held])
+    names = tuple(free or [n for n in (*deep_model.DEFAULT, *run) if n not in held])
     advance(0.1)
     fit = fit_deep(
         body, dives, known, free=names, fixed=held, advance=lambda share: advance(0.8 * share)
@@ -540,25 +530,25 @@ def _check_place(
     """Raise InputError for a value that has no place in a vehicle's file; given: by option."""
     for option, names in given.items():
         for name in names:
-            if name in DEEP and out_of_place(vehicle, values, [name]):
+            if name in deep_model.DEEP and out_of_place(vehicle, values, [name]):
                 what, remedy = "no vehicle's file may hold it", "Check the number and its unit"
-                value, unit = f"{name}={values[name]:g}", DEEP[name].unit
+                value, unit = f"{name}={values[name]:g}", deep_model.DEEP[name].unit
                 raise InputError(what, field=option, value=value, unit=unit, remedy=remedy)
 
 
 def _estimate(fit: DeepFit, name: str, fixed: Mapping[str, float]) -> Estimate:
     origin: Origin = "set" if name in fixed else "data" if fit.identified(name) else "prior"
-    return Estimate.of(fit.values[name], fit.std(name), DEEP[name].unit, origin=origin)
+    return Estimate.of(fit.values[name], fit.std(name), deep_model.DEEP[name].unit, origin=origin)
 
 
-def _dive_fit(body: Body, fit: DeepFit, k: int, dive: DeepDive) -> DiveFit:
+def _dive_fit(body: deep_model.Body, fit: DeepFit, k: int, dive: deep_model.DeepDive) -> DiveFit:
     start, std = float(fit.starts[k]), np.sqrt(np.diag(fit.covariance))[len(fit.names) + k]
     return DiveFit(
         dive=dive,
         start=Estimate.of(start, float(std), "m3"),
         imbalance=balance(body, fit.values, start, dive),
         speed=fit.residuals[k],
-        replay=replay(body, fit.values, start, dive),
+        replay=deep_model.replay(body, fit.values, start, dive),
         misfit=misfit_of(body, fit, k, dive),
     )
 
@@ -603,9 +593,11 @@ def contradictions(fit: DeepFit) -> list[str]:
     return found
 
 
-def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> tuple[str, ...]:
+def _assumptions(
+    vehicle: Vehicle, fit: DeepFit, dives: Sequence[deep_model.DeepDive]
+) -> tuple[str, ...]:
     said = [f"{name} {_within(name, *p)}" for name, p in fit.priors.items() if name in fit.names]
-    body, actuator = body_of(vehicle), vehicle.engine
+    body, actuator = deep_model.body_of(vehicle), vehicle.engine
     assert isinstance(actuator, PumpAndValve)
     hull = sentence("deep", "hull", mass=body.mass, volume=body.volume)
     found = [f"known before: {'; '.join(said)}", hull]
@@ -623,11 +615,12 @@ def _assumptions(vehicle: Vehicle, fit: DeepFit, dives: Sequence[DeepDive]) -> t
     lost += [f"a {name} below 0" for name in below]
     if lost:
         found.append(f"{' and '.join(lost)} has no place in vehicle.toml")
-    off = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in CAST.items())
+    cast = deep_model.CAST
+    off = ", ".join(f"{name} 0 +- {fit.priors[name].std:.2g} {x.unit}" for name, x in cast.items())
     return (*found, *_warmths(dives), sentence("deep", "cast", cast=off, noise=fit.noise))
 
 
-def _warmths(dives: Sequence[DeepDive]) -> list[str]:
+def _warmths(dives: Sequence[deep_model.DeepDive]) -> list[str]:
     """Say of hull temperatures that were not logged."""
     found = []
     for dive in dives:

@@ -34,28 +34,7 @@ from swimbladder.estimation.estimates import (
     sentence,
 )
 from swimbladder.estimation.kalman import GATE
-from swimbladder.estimation.motion.diagnose import (
-    Begins,
-    Curvature,
-    against_prior,
-    begin_of,
-    compared,
-    diagnose,
-    drifts,
-    each_experiment,
-    in_percent,
-    judge,
-    late,
-    limit,
-    neutral_beyond_prior,
-    not_determined,
-    not_identifiable,
-    outliers,
-    possible,
-    sinks_as_it_grows,
-    with_probabilities,
-)
-from swimbladder.estimation.motion.diagnose import choices as list_choices
+from swimbladder.estimation.motion import diagnose
 from swimbladder.estimation.motion.fit import Fit, inverse_of, unstable, white_part
 from swimbladder.estimation.motion.fit import fit as solve
 from swimbladder.estimation.motion.posterior import sample, sampling_library
@@ -130,7 +109,7 @@ def with_process_noise(
         _experiment(e, track, fit.values["psi"])
         for e, track in zip(problem.experiments, fit.tracks, strict=True)
     )
-    parameters, contradicted = against_prior(problem, fit.estimates)
+    parameters, contradicted = diagnose.against_prior(problem, fit.estimates)
     allowed = [*["has process noise"] * (not fit.white), "has inexact volumes"]
     if "drag_quadratic" in fit.names and problem.model.law == "blended":  # it may be 0
         e = parameters["drag_quadratic"]
@@ -140,16 +119,16 @@ def with_process_noise(
     listed = compare_models(fit, vehicle, problem) if asked.choices else ()
     findings = [
         *_not_identifiable(fit, problem),
-        *not_determined(problem, parameters),
-        *judge(listed),
-        *drifts(each, "drift seen"),
-        *outliers(each),
-        *neutral_beyond_prior(problem, [track.neutral_off for track in fit.tracks]),
-        *possible(problem, derived, parameters, dry_mass(vehicle)),
-        *sinks_as_it_grows(problem),
+        *diagnose.not_determined(problem, parameters),
+        *diagnose.judge(listed),
+        *diagnose.drifts(each, "drift seen"),
+        *diagnose.outliers(each),
+        *diagnose.neutral_beyond_prior(problem, [track.neutral_off for track in fit.tracks]),
+        *diagnose.possible(problem, derived, parameters, dry_mass(vehicle)),
+        *diagnose.sinks_as_it_grows(problem),
         *_wanders(fit, problem),
         *contradicted,
-        *late(fit.delay, problem.delay_std, fit.values[EARLY.name] / EARLY_STD),
+        *diagnose.late(fit.delay, problem.delay_std, fit.values[EARLY.name] / EARLY_STD),
         *_recorded(problem, vehicle),
         Finding.of("motion", "volumes inexact") if fit.white else _summary(fit),
     ]
@@ -199,10 +178,10 @@ def with_process_noise(
 def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> tuple[Choice, ...]:
     """Return every drag law, with psi as it is and otherwise, each with process noise."""
 
-    def solved(other: Problem, begins: Begins[Height]) -> Height:
+    def solved(other: Problem, begins: diagnose.Begins[Height]) -> Height:
         """Return the best of the fits that begin where other models ended."""
         starts = [
-            {**one.values, **begin_of(other, its, one.values, held=held)}
+            {**one.values, **diagnose.begin_of(other, its, one.values, held=held)}
             for its, one, held in begins
         ]
         return height_of(other, vehicle, starts, white=fit.white)
@@ -210,12 +189,12 @@ def compare_models(fit: ProcessNoiseFit, vehicle: Vehicle, problem: Problem) -> 
     parts = [(t.innovation[t.used], t.deviation[t.used]) for t in fit.tracks]
     own = Height(fit.values, fit.log_likelihood, *np.concatenate(parts, axis=1))
     found = []
-    for other, psi, at in compared(problem, own, vehicle, solved):
+    for other, psi, at in diagnose.compared(problem, own, vehicle, solved):
         kept = np.abs(at.innovation) < GATE * at.deviation
         left = rms(at.innovation[kept]) if kept.any() else math.nan
         more = {"rms": left, "log_likelihood": at.height, "reported": other is problem}
         found.append(Choice.of(other, psi, at.values, len(at.innovation), **more))
-    return with_probabilities(found)
+    return diagnose.with_probabilities(found)
 
 
 def _experiment(e: Experiment, track: Track, psi: float) -> ExperimentFit:
@@ -246,8 +225,8 @@ def _experiment(e: Experiment, track: Track, psi: float) -> ExperimentFit:
 def _not_identifiable(fit: ProcessNoiseFit, problem: Problem) -> Iterator[Finding]:
     for i, (name, e) in enumerate(fit.estimates.items()):
         size = abs(e.value) if problem.logarithmic[i] else problem.scale[i]
-        if e.std > limit(problem, fit.values, i) * size:
-            said = in_percent(e.std / max(abs(e.value), 1e-300))
+        if e.std > diagnose.limit(problem, fit.values, i) * size:
+            said = diagnose.in_percent(e.std / max(abs(e.value), 1e-300))
             yield Finding.of("motion", "unidentified with it", name=name, share=said)
 
 
@@ -394,7 +373,7 @@ def parameters(
         value, unit = problem.value(found.x, i), NAMES[name].unit
         log = problem.logarithmic[i]
         estimates[name] = Estimate.of(value, float(std[i]), unit, logarithmic=log)
-    estimates, findings = against_prior(problem, estimates)
+    estimates, findings = diagnose.against_prior(problem, estimates)
     for name, e in estimates.items():
         if name in drawn:
             ends = drawn[name].ci95
@@ -714,16 +693,18 @@ def _without_process_noise(
         moved = solve(other, [found.x]).x - found.x
         found = replace(found, covariance=found.covariance + np.outer(moved, moved))
     report(0.35 if asked.choices or asked.profiles else 0.95)
-    findings: list[Finding] = [*not_identifiable(problem, Curvature.of(problem, found))]
+    findings: list[Finding] = [
+        *diagnose.not_identifiable(problem, diagnose.Curvature.of(problem, found))
+    ]
     drawn: dict[str, Profile] = {}
     for i, name in enumerate(names):
         if not findings and (asked.profiles or bent(problem, found, i)):
             drawn[name] = profile(problem, found, i)
         report(0.3 / len(names) * asked.profiles)
-    listed = list_choices(problem, found, vehicle) if asked.choices else ()
+    listed = diagnose.choices(problem, found, vehicle) if asked.choices else ()
     report(0.3 * asked.choices)
-    each = each_experiment(problem, found)
-    findings += judge(listed)
+    each = diagnose.each_experiment(problem, found)
+    findings += diagnose.judge(listed)
     per, p = problem.per_entry(found.x), problem.shared
     covariance = found.covariance[:p, :p] * np.outer(per, per)
     derived = mass_and_drag(model, names, problem.named(found.x), covariance)
@@ -733,9 +714,9 @@ def _without_process_noise(
         float(np.sqrt(np.average(part**2, weights=samples)))
         for part in (found.noise, _sensors(problem, found))
     )
-    findings += not_determined(problem, estimates, noise / sensor)
-    findings += diagnose(problem, found, each)
-    findings += possible(problem, derived, estimates, dry_mass(vehicle))
+    findings += diagnose.not_determined(problem, estimates, noise / sensor)
+    findings += diagnose.diagnose(problem, found, each)
+    findings += diagnose.possible(problem, derived, estimates, dry_mass(vehicle))
     turned = [f for f in findings if f.kind == "backwards"]
     findings = turned or [*findings, *fewer]  # what follows from it need not be said
     identified, drawn_points = all(f.severity != "no" for f in findings), None
@@ -744,7 +725,7 @@ def _without_process_noise(
     neutral_std = neutral_spread(each, problem.neutral_std, single=NEUTRAL_STD)
     std = math.sqrt(max(float(found.covariance[problem.delay_at, problem.delay_at]), 0.0))
     delay = Estimate.of(float(found.x[problem.delay_at]) * DELAY, std * DELAY, "s")
-    findings += late(delay, problem.delay_std)
+    findings += diagnose.late(delay, problem.delay_std)
     new, logs = vehicle, tuple(e.source for e in each)
     if identified:
         known = Values(names, problem.named(found.x), covariance, logs, trim_of(each, vehicle))
