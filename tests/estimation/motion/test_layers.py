@@ -1,5 +1,8 @@
 """Parameters from logs in layered water: the truth is found with the cast, not without it."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from swimbladder.errors import InputError
@@ -37,6 +40,22 @@ def test_the_parameters_are_found_with_their_intervals(logs):
     assert any("follows the density of the cast" in said for said in found.assumptions)
     for e, error in zip(found.experiments, (0.4e-6, -0.3e-6), strict=True):
         assert e.estimates["neutral_error"].value == pytest.approx(error, abs=0.15e-6)
+
+
+def test_a_hole_in_the_cast_is_in_the_intervals(logs):
+    """Its straight line is off by the end of the halocline: psi was six deviations off."""
+    rows = (COLUMN.depth <= 1.8) | (COLUMN.depth >= 3.5)
+    straight = np.interp(COLUMN.depth, COLUMN.depth[rows], COLUMN.density[rows])
+    unsure = np.where(rows, 0.0, 0.02)
+    holed = replace(COLUMN, density=straight, density_std=unsure)
+    found = identify(logs, VEHICLE, casts=[holed], profiles=False, choices=False)
+    assert "holes" in [f.kind for f in found.findings]
+    for name, truth in TRUTH.items():
+        e = found.parameters[name]
+        assert e.value == pytest.approx(truth, abs=3.5 * e.std)
+    deeper = replace(COLUMN, density_std=np.where(COLUMN.depth > 5.0, 1.0, 0.0))
+    known = identify(logs[:1], VEHICLE, casts=[deeper], profiles=False, choices=False)
+    assert "holes" not in [f.kind for f in known.findings]
 
 
 def test_without_the_cast_drag_takes_the_blame(logs):

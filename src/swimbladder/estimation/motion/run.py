@@ -559,13 +559,12 @@ def identify(
     if posterior is not None:
         sampling_library()
     waters = water_of_each(len(logs), casts)
-    read = partial(
-        record, vehicle=vehicle, bottom_depth=bottom_depth, surface_margin=surface_margin
-    )
-    records = [
-        read(log, drive=drive or driven_by(log, vehicle), column=water)
-        for log, water in zip(logs, waters, strict=True)
-    ]
+    reader = partial(record, bottom_depth=bottom_depth, surface_margin=surface_margin)
+
+    def read(log: Log, water: Column | None) -> Record:
+        return reader(log, vehicle, drive=drive or driven_by(log, vehicle), column=water)
+
+    records = [read(log, water) for log, water in zip(logs, waters, strict=True)]
     check_motion(records)
     known = neutral_std
     if known is None:  # only that of the vehicle before this log, if the volume has its own zero
@@ -574,33 +573,47 @@ def identify(
     stated = read_values(fixed, UNITS), read_priors(priors, UNITS)
     assumed = Assumed(*stated, known, speed_std, drift_std, delay_std)
     problem = posed(records, vehicle, assumed, free=free, drag=drag)
+    denser = [w and replace(w, density=w.density + w.density_std) for w in waters]
+    deepest = max(float(r.depth.max()) for r in records)
+    holes = any(
+        w and (w.density_std[w.depth[: len(w.density_std)] <= deepest]).any() for w in waters
+    )
+    beside = [[read(r, water) for r, water in zip(logs, denser, strict=True)]] if holes else []
     advance(0.05)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices too small to share
-        asked = Asked(process_noise, profiles, choices, posterior)
+        asked = Asked(process_noise, profiles and not holes, choices, posterior)
         expands: tuple[Finding, ...] = ()
         aside: list[list[Record]] = []
         if (heat := _heat(problem, vehicle)) is not None:
             own = heat_expansion(vehicle)
             vehicle, expands = _expanded(vehicle, heat)
             aside = [[warmed(r, own + g, s) for r in records] for g, s in heat.aside.tolist()]
-            records = [warmed(r, own + heat.gain.value, heat.lag.value) for r in records]
+            records, *beside = (
+                [warmed(r, own + heat.gain.value, heat.lag.value) for r in these]
+                for these in (records, *beside)
+            )
             asked = asked._replace(profiles=False)
             problem = posed(records, vehicle, assumed, free=free, drag=drag)
 
-        def warmer(known: Assumed) -> list[Problem]:
-            return [posed(one, vehicle, known, free=free, drag=drag) for one in aside]
+        def others(known: Assumed) -> list[list[Problem]]:
+            """Return the problems of other hulls, and of other water."""
+            return [
+                [posed(one, vehicle, known, free=free, drag=drag) for one in these]
+                for these in (aside, beside)
+            ]
 
         try:
-            found = _answer(problem, vehicle, asked, advance, warmer(assumed))
+            found = _answer(problem, vehicle, asked, advance, *others(assumed))
             if neutral_std is None and math.isfinite(known) and _contradicts_prior(found):
                 nothing = assumed._replace(neutral_std=math.inf)
                 problem = posed(records, vehicle, nothing, free=free, drag=drag)
-                looser = _answer(problem, vehicle, asked, silent, warmer(nothing))
+                looser = _answer(problem, vehicle, asked, silent, *others(nothing))
                 found = looser if _contradicts_prior(found, looser) else found
         except NoAnswerError as error:  # for the reason that is known
             named = next(_misread(records, vehicle), None)
             raise (error if named is None else NoAnswerError(named.sentence)) from None
-    found = replace(found, findings=(*found.findings, *expands))
+    seen = (Finding.of("motion", "holes"),) if holes else ()
+    found = replace(found, findings=(*found.findings, *expands, *seen))
     if found.identified or any(f.kind == "backwards" for f in found.findings):
         return found
     return replace(found, findings=(*found.findings, *_misread(records, vehicle)))
@@ -654,11 +667,17 @@ def _sensors(problem: Problem, found: Fit) -> Array:
 
 
 def _answer(
-    problem: Problem, vehicle: Vehicle, asked: Asked, report: Advance, warmer: Sequence[Problem]
+    problem: Problem,
+    vehicle: Vehicle,
+    asked: Asked,
+    report: Advance,
+    warmer: Sequence[Problem],
+    denser: Sequence[Problem],
 ) -> Identification:
     """Return the answer with process noise where there is some, else without.
 
-    warmer: the problems of a hull whose gain and lag are off by as much as they are not known.
+    warmer: the problems of a hull whose gain and lag are off by as much as they are not known;
+    denser: in water that is off by as much as it is not known in the holes of a cast.
     """
     near: Array | None = None
     if asked.process_noise == "always" or all(e.ramps for e in problem.experiments):
@@ -670,9 +689,23 @@ def _answer(
             near = None if noisy and (best.inexact or unstable(problem, near)) else near
         if near is None:
             report(0.9)
-            said = assumptions(problem, vehicle)
-            return with_process_noise(described(best), vehicle, problem, said, asked)
-    return _without_process_noise(problem, vehicle, asked, report, near, warmer)
+            said, fit = assumptions(problem, vehicle), described(best)
+            for other in denser:
+                there = height_of(other, vehicle, [fit.values], white=fit.white).values
+                fit = _widened(fit, problem, there)
+            return with_process_noise(fit, vehicle, problem, said, asked)
+    return _without_process_noise(problem, vehicle, asked, report, near, [*warmer, *denser])
+
+
+def _widened(fit: ProcessNoiseFit, problem: Problem, there: Mapping[str, float]) -> ProcessNoiseFit:
+    """Return a fit that allows for the values that its parameters have under another assumption."""
+    moved = np.array([there[name] - fit.values[name] for name in fit.names])
+    covariance, found = fit.covariance + np.outer(moved, moved), dict(fit.estimates)
+    stds = np.sqrt(np.diag(covariance)).tolist()
+    for name, std, log in zip(fit.names, stds, problem.logarithmic, strict=False):
+        e = found[name]
+        found[name] = Estimate.of(e.value, std, e.unit, logarithmic=log)
+    return replace(fit, covariance=covariance, estimates=found)
 
 
 def _without_process_noise(
