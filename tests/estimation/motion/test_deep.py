@@ -26,7 +26,7 @@ from swimbladder.io.casts import read_cast
 from swimbladder.io.config import load_vehicle
 from swimbladder.io.float_logs import read_float_log
 from swimbladder.physics.hull import neutral_volume, weight_mass
-from swimbladder.physics.seawater import cast_column
+from swimbladder.physics.seawater import Cast, cast_column
 from swimbladder.vehicle import Oil, Valve
 from tests.estimation.motion.deep import dived, made_up_column, made_up_log, made_up_vehicle
 from tests.quoted import numbers
@@ -435,6 +435,11 @@ def test_what_cannot_be_identified(scene) -> None:
     shallow = replace(log, pressure=np.full(len(log), 1e4))
     with pytest.raises(InputError, match="no dive"):
         identify_deep([shallow], [column], vehicle)
+    rows = Cast(
+        pressure=np.array([0.0, 2100.0]), SA=np.array([33.0, 35.0]), CT=np.array([15.0, 3.0])
+    )
+    with pytest.raises(InputError, match="has two rows"):
+        identify_deep([log], [cast_column(rows)], vehicle)
     deep = replace(log, pressure=np.full(len(log), 5e7))
     with pytest.raises(InputError, match="the cast ends at"):
         identify_deep([deep], [column], vehicle)

@@ -45,7 +45,7 @@ from swimbladder.io.progress import Advance, silent
 from swimbladder.physics.arrays import Array
 from swimbladder.physics.hull import weighing
 from swimbladder.physics.oil import ATMOSPHERIC_PRESSURE
-from swimbladder.physics.seawater import Column
+from swimbladder.physics.seawater import Column, check_rows
 from swimbladder.physics.steady_drives import valve_flow
 from swimbladder.vehicle import (
     Controller,
@@ -479,6 +479,8 @@ def identify_deep(
     )
     check_distinct(logs)
     each = list(casts) * (len(logs) if len(casts) == 1 else 1)
+    for column in casts:
+        check_rows(column)
     pairs = zip(logs, each, strict=True)
     dives = [
         deep_model.deep_dive(log, column, vehicle, name=Path(log.source).name)
