@@ -1,23 +1,3 @@
-"""Commands make their pictures here and draw none: drawing is a third of the time of their tests.
+"""Commands are run here whose pictures are not looked at."""
 
-What is drawn is tested where pictures are made (`tests/show`), and by the examples of the docs.
-"""
-
-from pathlib import Path
-
-import pytest
-from matplotlib.figure import Figure
-from PIL import Image
-
-from swimbladder.show import static
-
-
-def _blank(made: Figure, path: Path) -> None:
-    """Write a white picture of a figure's size."""
-    wide, high = (round(static.STYLE["savefig.dpi"] * side) for side in made.get_size_inches())
-    Image.new("L", (wide, high), 255).save(path, "PNG")
-
-
-@pytest.fixture(autouse=True)
-def blank_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(static, "_write_png", _blank)
+from tests.blank_pictures import blank_pictures as blank_pictures

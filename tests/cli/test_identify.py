@@ -278,6 +278,7 @@ def test_a_log_that_never_leaves_the_surface(capsys, tmp_path):
     assert "clear of surface and bottom" in err
 
 
+@pytest.mark.prove
 @pytest.mark.data
 @pytest.mark.slow
 def test_tank_logs_of_the_real_float(capsys, data_dir, tmp_path):

@@ -225,6 +225,7 @@ class TestTheC:
         assert golden.difference < 0.01
         assert {-1.0, 1.0} <= set(np.sign(golden.command))
 
+    @pytest.mark.prove
     def test_law_and_supervisor_agree_over_a_long_dive_with_noise(self, gcc, tmp_path):  # noqa: ARG002
         made, other = library(noisy=True), VehicleInC(library(noisy=True), tmp_path)
         twin = chip.vehicle_twin(made)

@@ -476,6 +476,7 @@ def test_the_files_of_a_library_with_a_pool():
     json.dumps(told, allow_nan=False)
 
 
+@pytest.mark.prove
 def test_its_supervisor_pushes_only_where_the_file_asks_for_it():
     vehicle, pool = load_vehicle("feup-em"), PoolOptions(4.5)
     asked = vehicle.supervisor.model_copy(update={"prove_after": 30.0})

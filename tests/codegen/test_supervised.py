@@ -375,6 +375,7 @@ class Spoilt:
         return seen._replace(**{name: value})
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 @pytest.mark.promise("as-in-python", faults=["depth NaN"])
 def test_an_hour_with_faults_is_the_same_to_the_bit(tmp_path):

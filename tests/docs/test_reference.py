@@ -9,6 +9,7 @@ from scripts.make_reference import FOLDER, made
 from swimbladder.cli import main
 from swimbladder.io.log_format import COLUMNS
 from swimbladder.io.log_formats import FORMATS
+from tests.blank_pictures import blank_pictures as blank_pictures
 
 PAGES = sorted(FOLDER.glob("*.md"))
 

@@ -39,6 +39,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import islice
 from types import FunctionType, MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
@@ -141,10 +142,19 @@ def from_numbers(kind: type[Kind], given: Iterable[Any]) -> Kind:
     left = iter(given)
 
     def made(kind: type[Any]) -> Any:
-        return kind(*(made(t) if is_record(t) else next(left) for t in field_types(kind).values()))
+        nested = _nested(kind)
+        if not any(nested):
+            return kind(*islice(left, len(nested)))
+        return kind(*(made(record) if record else next(left) for record in nested))
 
     found: Kind = made(kind)
     return found
+
+
+@_once
+def _nested(kind: type[Any]) -> tuple[type[Any] | None, ...]:
+    """Return the records among a record's fields, None for those that are numbers."""
+    return tuple(t if is_record(t) else None for t in field_types(kind).values())
 
 
 def from_leaves(kind: type[Kind], values: Mapping[str, Any]) -> Kind:

@@ -148,6 +148,7 @@ def coverage(lives, flown, count, draws=300):
     return float(np.mean(found))
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_floats_flown_to_the_end_lie_in_the_interval_of_others(fleet):
     """A sample of what `make prove` does with batteries that last longer."""

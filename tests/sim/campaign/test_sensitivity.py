@@ -204,6 +204,7 @@ def test_outputs_that_some_flights_lack_have_no_indices_and_say_so(parked):
     figure(draw_sensitivity(some))
 
 
+@pytest.mark.prove
 def test_the_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "m.toml").write_text(

@@ -124,6 +124,7 @@ def test_parts_do_not_change_a_laminar_vehicle() -> None:
         np.testing.assert_allclose(other.volume, runs[0].volume, rtol=0.0, atol=1e-16)
 
 
+@pytest.mark.prove
 def test_the_default_step_keeps_nonlinear_drag_to_a_micrometre() -> None:
     for drag in (LINEAR, QUADRATIC, BLENDED, SWITCHED):
         vehicle = pump(drag=drag, **FREE)

@@ -73,7 +73,9 @@ def half(chosen):
     in_shares(np.asarray(chosen, bool), yes=(True, 0.5))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", ["feup-em", *(pytest.param(n, marks=pytest.mark.prove) for n in NAMES[1:])]
+)
 def test_half_of_the_missions_are_in_swell(name):
     """Of half a hundredth to a twentieth of the stroke, with the periods of swell."""
     stroke = np.ptp([getattr(load_vehicle(name).stroke, end) for end in ("minimum", "maximum")])
@@ -127,7 +129,13 @@ def test_a_stated_noise_is_right_in_half_of_the_missions():
     assert set(noise[coarse]) == {2e-3}
 
 
-@pytest.mark.parametrize(("stated", "coarse"), [(4.83e-3, 5e-3), (8e-3, 8e-3), (1e-3, 5e-3)])
+@pytest.mark.parametrize(
+    ("stated", "coarse"),
+    [
+        (4.83e-3, 5e-3),
+        *(pytest.param(*both, marks=pytest.mark.prove) for both in ((8e-3, 8e-3), (1e-3, 5e-3))),
+    ],
+)
 def test_a_stated_quantum_is_at_least_5_mm_in_a_quarter_of_the_missions(stated, coarse):
     found = sensing(depth_quantum=stated)
     assert {c.depth_noise for c in found} == {0.0}

@@ -103,17 +103,15 @@ def linearise_law(bound: BoundLaw, measurement: Measurement) -> LinearLaw:
         above, below = (outputs(x[:n], x[n:]) for x in (at + d, at - d))
         return above - below, above + below - 2.0 * here
 
-    slopes, even = np.empty((n + 1, n + 3)), np.empty((n + 1, n + 3), dtype=bool)
-    for j, d in enumerate(np.diag(steps)):
-        swing, bend = odd_and_even(d)
-        third, _ = odd_and_even(d / 3.0)
-        slopes[:, j] = swing / (2.0 * steps[j])
-        unlike = np.maximum(np.abs(bend), np.abs(swing - 3.0 * third))
-        noise = 1e-12 * (np.abs(here) + np.abs(swing))
-        even[:, j] = unlike <= 1e-6 * np.abs(swing) + noise
+    swings, bends = np.array([odd_and_even(d) for d in np.diag(steps)]).transpose(1, 2, 0)
+    slopes = swings / (2.0 * steps)
     keep = _acting(slopes, n)
-    loop = np.ix_([*keep, n], [*keep, n, n + 1])  # the reference is outside
-    smooth = bool(even[loop].all()) and bool(np.any(slopes[[*keep, n], n]))
+    rows, columns = [*keep, n], [*keep, n, n + 1]  # the reference is outside
+    swing, bend = (of[np.ix_(rows, columns)] for of in (swings, bends))
+    thirds = [odd_and_even(d)[0][rows] for d in np.diag(steps / 3.0)[columns]]
+    unlike = np.maximum(np.abs(bend), np.abs(swing - 3.0 * np.transpose(thirds)))
+    noise = 1e-12 * (np.abs(here[rows, None]) + np.abs(swing))
+    smooth = bool((unlike <= 1e-6 * np.abs(swing) + noise).all() and slopes[rows, n].any())
     A, B = slopes[np.ix_(keep, keep)], slopes[keep, n:]
     C, D = slopes[n:, keep], slopes[n:, n:]
     names = tuple(leaf_names(type(state))[i] for i in keep)
