@@ -39,7 +39,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import islice
 from types import FunctionType, MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeVar
 
@@ -142,10 +141,7 @@ def from_numbers(kind: type[Kind], given: Iterable[Any]) -> Kind:
     left = iter(given)
 
     def made(kind: type[Any]) -> Any:
-        nested = _nested(kind)
-        if not any(nested):
-            return kind(*islice(left, len(nested)))
-        return kind(*(made(record) if record else next(left) for record in nested))
+        return kind(*[made(record) if record else next(left) for record in _nested(kind)])
 
     found: Kind = made(kind)
     return found
