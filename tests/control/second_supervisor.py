@@ -497,8 +497,10 @@ class Proof:
         brake = p.per_speed * falls if falls > 0.0 else 0.0
         known = math.isfinite(at.asked)
         reach = self.enough(max(p.ready, at.asked - at.depth)) if known else p.reach + p.ahead
+        if at.frozen:  # far enough for `Sameness` to see it
+            reach = max(reach, 2.0 * self.p.same.moved)
         missing = reach + brake + self.p.push.grown - beyond
-        if missing < 0.0 or at.volume > self.p.volume.volume_high:
+        if at.volume > self.p.volume.volume_high or not (at.frozen or missing >= 0.0):
             self.show(at.volume, at.asked)
             return 0.0
         spare = self.shown - at.neutral - brake
@@ -668,7 +670,7 @@ class SafeAction:
             return p.away_hold
         motor = self.p.rate.positioner == 0.0
         if motor and begins and self.direction.is_try:
-            return -outward_command(self.p, at.depth, 0.0)
+            return -outward_command(self.p, at.depth, at.volume, 0.0)
         return p.away_command
 
     def _pushed(self, at: Sight) -> float:
@@ -696,10 +698,11 @@ class SafeAction:
         self.window, self.from_depth = 0, at.depth
 
 
-def outward_command(p: SupervisorParameters, depth: float, missing: float) -> float:
+def outward_command(p: SupervisorParameters, depth: float, volume: float, missing: float) -> float:
     """Return the command of a test push: quarters of the voltage for load, friction and way."""
     if p.rate.positioner:
-        return p.push.surface_command
+        goal = volume + missing + p.proof.least_way
+        return min(max(p.push.away_command, goal), p.push.surface_command)
     per_quarter = p.rate.rate * p.S_p * p.push.quarter
     load = (p.rate.load_drive * depth + p.rate.friction) * p.rate.rate * p.S_p
     way = missing + load + p.proof.least_way
@@ -754,7 +757,7 @@ class SecondSupervisor:
                 soon = rate_of(wanted) * p.S_p
                 missing = self.proof.sample(self._place(seen, neutral, soon))
                 if self.proof.pushes:
-                    wanted = outward_command(p, depth, missing)
+                    wanted = outward_command(p, depth, volume, missing)
             else:
                 self.proof.free(volume, seen.reference)
         self.command = wanted

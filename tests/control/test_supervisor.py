@@ -869,7 +869,7 @@ class TestReach:
         needed = needed + p.push.grown  # and so much more, so that it is sure
         almost = [(2.0, neutral + 0.99 * needed, 3.5)]
         there = [(2.0, neutral + 1.01 * needed, 3.5)]
-        last = outward(p, 2.0, 0.01 * needed)
+        last = outward(p, 2.0, 0.0, 0.01 * needed)
         pushed = self.after(p, held + deeper * 2 + almost, **late)
         assert pushed == pytest.approx([0.0, full, full, last])
         assert self.allowed == 2.0
@@ -963,12 +963,15 @@ class TestReach:
         seen = CALM._replace(depth=30.0)
         quarter = rate * 3.0 * 0.3
         for lacks in (0.01 * quarter, 0.3 * quarter, 0.9 * quarter, 1.5 * quarter):
-            command = outward(p, seen.depth, lacks)
+            command = outward(p, seen.depth, 0.0, lacks)
             moved = rate * (command - vehicle.actuator.depth_voltage * 30.0 - friction) * 0.3
             assert lacks < moved - p.proof.least_way < lacks + quarter
-        assert outward(p, seen.depth, 4.0 * quarter) == p.push.surface_command
+        assert outward(p, seen.depth, 0.0, 4.0 * quarter) == p.push.surface_command
         positioner = supervisor_parameters(load_vehicle("ntnu-bv"), 0.5)
-        assert outward(positioner, seen.depth, 1e-8) == positioner.push.surface_command
+        ends = positioner.push.away_command, positioner.push.surface_command
+        for volume, lacks in ((1e-6, 1e-8), (2e-6, -1e-6), (-1e-4, 1e-8), (1e-4, 1e-8)):
+            goal = volume + lacks + positioner.proof.least_way
+            assert outward(positioner, 3.0, volume, lacks) == np.clip(goal, *ends)
 
     @pytest.mark.parametrize("name", [name for name, law in LAWS.items() if law.recipe])
     def test_a_block_next_to_where_a_push_ends_counts_as_a_stop(self, name):
@@ -1124,6 +1127,22 @@ class TestReach:
         fault = flown.ran.time > 300.0
         assert flown.ran.depth[fault].max() < asked + 0.1
         assert flown.ran.depth[-1] < 0.1
+        assert flown.reason is Reason.DEPTH_FROZEN
+        assert flown.after < 60.0
+
+    @pytest.mark.promise("depth-frozen", faults=["depth stuck"])
+    @pytest.mark.parametrize("psi", [0.0, 6.76e-8])
+    def test_a_coarse_depth_that_stands_is_pushed_until_it_changes_or_is_frozen(self, psi):
+        """A healthy vehicle is left alone where a quantum of 2 cm hides its motion for minutes."""
+        vehicle = load_vehicle("ntnu-bv").replace({"hull.psi": psi, "hull.depth_limit": "50 m"})
+        coarse = Sensors(depth_noise="1 mm", depth_quantum="2 cm")
+        run = dict(vehicle=vehicle, sensors=coarse, duration=1800.0)
+        healthy = fly("position-pid", **run)
+        assert healthy.reason is None
+        assert np.abs(healthy.ran.depth[healthy.ran.time > 400.0] - 5.0).max() < 0.25
+        flown = fly("position-pid", fault=frozen("depth"), **run)
+        assert flown.reason is Reason.DEPTH_FROZEN
+        assert flown.after < 150.0
 
     def test_a_depth_that_stands_counts_from_the_tick_on_that_makes_it_long_enough(self):
         """It is not neutral there: the neutral volume is not what is assumed."""

@@ -784,7 +784,7 @@ def watch_proof(
     Where a law holds a depth and moves the volume anyway, it is shown before anything deeper is
     asked for. Where nobody knows what is asked for, a vehicle that is heavy goes deeper; so does
     one at rest that its command is about to make heavy, where the law rests. tried: it is to show
-    it anyway.
+    it anyway, and to stay out so far that a depth which is the same all the same is frozen.
     """
     proof, asked, beyond = s.proof, seen.reference, seen.volume - neutral
     known = math.isfinite(asked)
@@ -793,8 +793,10 @@ def watch_proof(
     reach = p.proof.reach + p.proof.ahead
     if known:
         reach = enough(p, max(asked - seen.depth, p.proof.ready))
+    if tried:
+        reach = max(reach, p.same.moved + p.same.moved)
     lacks = reach + brake + p.push.grown - beyond
-    if lacks < 0.0 or seen.volume > p.volume.volume_high:
+    if (lacks < 0.0 and not tried) or seen.volume > p.volume.volume_high:
         return 0.0, has_shown(seen)
     slow = abs(seen.depth - s.motion.z1) <= p.rest.still_distance
     old = proof.unproven >= (p.proof.holding if slow and known else p.proof.unproven)
@@ -825,13 +827,14 @@ def watch_proof(
     return lacks, ProofWatch(unproven, proof.shown, shown_for, allowed)
 
 
-def outward(p: SupervisorParameters, depth: float, lacks: float) -> float:
+def outward(p: SupervisorParameters, depth: float, volume: float, lacks: float) -> float:
     """Return the command that moves the volume out by what it lacks, and a part of a tick more.
 
-    A positioner goes at its rate. A motor gets as many quarters as its load takes, and the way.
+    A motor gets as many quarters as its load takes, and the way.
     """
     if p.rate.positioner > 0.0:
-        return p.push.surface_command
+        to = max(volume + lacks + p.proof.least_way, p.push.away_command)
+        return min(p.push.surface_command, to)
     load = p.rate.load_drive * depth + p.rate.friction
     needs = lacks + p.rate.rate * load * p.S_p + p.proof.least_way
     command = 0.0
@@ -968,7 +971,7 @@ def bring_up(
         command = p.push.away_command
         phase = 0
         if s.push.turns < GREW and s.push.astray < p.push.astray and p.rate.positioner == 0.0:
-            command = -outward(p, depth, 0.0)
+            command = -outward(p, depth, volume, 0.0)
         if high and s.push.astray >= p.push.astray:
             command = p.push.away_hold
             phase = p.push.push
@@ -1039,7 +1042,7 @@ def step(
         lacks, proof = watch_proof(p, s, seen, neutral, tried)
         s = s._replace(proof=proof)
         if s.proof.unproven == NEVER:
-            wanted = outward(p, seen.depth, lacks)
+            wanted = outward(p, seen.depth, volume, lacks)
     elif asks and measured:
         if volume > s.proof.shown:
             s = s._replace(proof=has_shown(seen))
