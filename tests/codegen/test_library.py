@@ -14,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import swimbladder as sb
+from swimbladder.codegen.golden import BoardProgram
 from swimbladder.codegen.library import Library, firmware, plan_program, write_library
-from swimbladder.codegen.twin import ControllerTwin, wait_in_ticks
+from swimbladder.codegen.twin import ControllerTwin, VehicleTwin, wait_in_ticks
 from swimbladder.control.supervisor import Reason, Watched
 from swimbladder.errors import InputError, NoAnswerError
 from swimbladder.vehicle import Controller, Supervisor, Vehicle
@@ -237,9 +238,31 @@ def test_the_wait_is_rounded_up_to_whole_ticks(next_s, ticks):
 @pytest.mark.parametrize(("off", "words"), [(0.0065, "6.5 mm"), (43.2, "43 m")])
 def test_what_rounding_moves_has_a_unit_of_its_size(off, words):
     made = library("cascade")
-    golden = made.golden._replace(difference=off)
+    golden = made.golden._replace(difference=off, apart=2e-4)
     said = dataclasses.replace(made, golden=golden).sentences[1]
-    assert said.endswith(f"float32 moves the vehicle by at most {words}")
+    assert said.endswith(
+        f"float32 moves the vehicle by at most {words} on its way, 0.2 mm at its depth"
+    )
+
+
+@pytest.mark.parametrize("name", ["feup-em", "example-float"])
+def test_a_board_that_goes_elsewhere_than_simulated_is_refused(name, monkeypatch):
+    """It is what rounding might do at worst: the law in double precision is sent elsewhere."""
+    double = BoardProgram.in_double
+
+    class Elsewhere(VehicleTwin):
+        def __call__(self, seen, reference):
+            return super().__call__(seen, 0.5 * reference)
+
+    def in_double(self):
+        board = double(self)
+        board.__class__ = Elsewhere
+        return board
+
+    monkeypatch.setattr(BoardProgram, "in_double", in_double)
+    shorter = {} if name == "feup-em" else {"step": (0.0, 60.0), "duration": 3600.0}
+    with pytest.raises(NoAnswerError, match=r"ends at .* on the board \(float32\), and at"):
+        firmware(limited(sb.load_vehicle(name)), **shorter)
 
 
 def test_the_golden_trace_is_what_simulate_says(name):

@@ -4,6 +4,7 @@ import math
 from dataclasses import astuple, replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -137,7 +138,7 @@ def test_a_board_checks_a_hundred_ticks_and_its_sensors_fail_at_the_end(made):
 def test_a_golden_trace_of_a_float_arrives_when_it_was_down_and_comes_up(deepest, end, said):
     """Within a tenth of 100 m, where it was to go, and then at the surface."""
     mission, program = plan_program(FLOAT)
-    golden = SimpleNamespace(depth=np.array([0.0, deepest, end]), difference=0.0)
+    golden = SimpleNamespace(depth=np.array([0.0, deepest, end]), difference=0.0, apart=0.0)
     given = {name: getattr(program, name) for name in BoardProgram.__dataclass_fields__}
     made = Library(vehicle=FLOAT, mission=mission, golden=golden, pool=None, files={}, **given)
     sentences = made.sentences
@@ -155,6 +156,15 @@ class Quiet:
         return 0.0
 
 
+class Surface(NamedTuple):
+    shallow: float
+
+
+class Flown(NamedTuple):
+    surface: Surface
+    tolerance: float
+
+
 def dive(monkeypatch, *, duration, tick=1.0, deepest=30.0, double=30.0, shallow=2.0):
     """Return the golden trace of a float whose flight is made up: (trace, asked depths)."""
     asked_for, depths = [], iter([deepest, double])
@@ -169,11 +179,12 @@ def dive(monkeypatch, *, duration, tick=1.0, deepest=30.0, double=30.0, shallow=
 
     monkeypatch.setattr(golden, "fly_float", fly)
     monkeypatch.setattr(golden, "unplugged", lambda _, rows: rows)
-    surface = SimpleNamespace(shallow=shallow)
+    surface = Surface(shallow)
     made = SimpleNamespace(
+        law=SimpleNamespace(band="tolerance"),
         tick_s=tick,
         drive=object(),
-        parameters=SimpleNamespace(surface=surface),
+        parameters=Flown(surface, tolerance=10.0),
         board=Quiet,
         in_double=Quiet,
     )
@@ -197,10 +208,17 @@ def test_a_float_is_asked_to_be_down_for_two_thirds_of_its_mission(
     assert trace.reference.dtype == np.float32
 
 
+def test_a_float_that_rounding_takes_out_of_both_bands_has_no_golden_trace(monkeypatch):
+    trace, _ = dive(monkeypatch, duration=90.0, deepest=90.0, double=70.5)
+    assert trace.apart == pytest.approx(19.5)
+    with pytest.raises(NoAnswerError, match=r"at 90 m on the board \(float32\), and at 69.5 m"):
+        dive(monkeypatch, duration=90.0, deepest=90.0, double=69.5)
+
+
 def test_a_float_that_has_not_dived_has_no_golden_trace(monkeypatch):
     with pytest.raises(NoAnswerError, match="has not dived after 6"):
         dive(monkeypatch, duration=90.0, deepest=2.0)
-    dive(monkeypatch, duration=90.0, deepest=2.01)
+    dive(monkeypatch, duration=90.0, deepest=2.01, double=2.01)
 
 
 @pytest.mark.parametrize(

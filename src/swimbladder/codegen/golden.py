@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swimbladder.codegen.tree import Program
 from swimbladder.codegen.twin import ControllerTwin, VehicleTwin, supervisor_twin, twin
 from swimbladder.control.arming import ArmingParameters
-from swimbladder.control.law import Law, Measurement
+from swimbladder.control.law import Law, Measurement, leaves
 from swimbladder.control.supervisor import Reason, SupervisorParameters, Watched
 from swimbladder.errors import NoAnswerError
 from swimbladder.io.progress import Advance, silent
@@ -32,6 +32,7 @@ from swimbladder.vehicle import Vehicle
 Float32s = NDArray[np.float32]
 UNPLUGGED = 15  # ticks of full buoyancy at the end of what is checked
 
+_NEAR = 0.1  # of a step, within which float32 and double precision have to end it
 _UP = 2.0 / 3.0  # of a float's golden mission, after which it is to come up
 _LONGER = (
     "Give a longer `duration=`, or see what valve and bypass let in at the surface "
@@ -59,6 +60,7 @@ class Golden(NamedTuple):
     reference: Float32s  # m, asked for
     command: Float32s  # V or m3, limited; s of pump and valve
     difference: float  # m, largest from the depths in double precision
+    apart: float  # m, the same at the end of the mission, of a float's dive
     checked: list[tuple[Any, ...]]  # the first four and the reason; at last the sensors fail
 
 
@@ -156,8 +158,25 @@ def fly(
     with np.errstate(all="ignore"):
         double = simulate(vehicle, law=made.in_double(), **given)
     depth, volume, reference, command, _ = np.array(rows, np.float32).T
-    difference = float(np.abs(flown.depth - double.depth).max())
-    return Golden(depth, volume, reference, command, difference, unplugged(board, rows))
+    near = _NEAR * abs(mission.target - mission.start)
+    moved = _moved(flown.depth, double.depth, near)
+    return Golden(depth, volume, reference, command, *moved, unplugged(board, rows))
+
+
+def _moved(board: Array, double: Array, near: float, end: int = -1) -> tuple[float, float]:
+    """Return how far float32 takes a vehicle from its depths in double precision [m].
+
+    At most, and at a tick `end`, where it is to have arrived. Rounding moves when a law decides,
+    and with that the way; raises NoAnswerError where it is not even within `near` [m] in the end.
+    """
+    apart = np.abs(board - double)
+    if apart[end] > near:
+        raise NoAnswerError(
+            f"The golden mission ends at {board[end]:.4g} m on the board (float32), and at "
+            f"{double[end]:.4g} m in double precision: its law decides by a hair. Tune it anew, or "
+            "take another one"
+        )
+    return float(apart.max()), float(apart[end])
 
 
 def _healthy(board: VehicleTwin, mission: Mission) -> int:
@@ -231,10 +250,12 @@ def _fly_on_seconds(
             f"the golden mission: asked for {asked.max():g} m the float {waited}. {_LONGER}"
         )
     _, depth, _, command = rows.T.astype(np.float32)
-    difference = float(np.abs(rows[:, 0] - double[:, 0]).max())
+    dived = int(np.flatnonzero(asked == asked.max())[-1])
+    near = 2.0 * leaves(made.parameters)[made.law.band]
+    moved = _moved(rows[:, 0], double[:, 0], near, dived)
     volume, asked = np.full_like(depth, np.nan), asked.astype(np.float32)
     checked = unplugged(board, [*zip(depth, volume, asked, command, reasons[:n], strict=True)])
-    return Golden(depth, volume, asked, command, difference, checked)
+    return Golden(depth, volume, asked, command, *moved, checked)
 
 
 def fly_float(

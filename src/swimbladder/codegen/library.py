@@ -101,7 +101,8 @@ class Library(BoardProgram, Answer):
             f"{self.vehicle.name}: law {self.law.name} every {self.tick_s:.9g} s, {commands}; "
             f"C {digest(self).hex()}"
         )
-        moves = f"float32 moves the vehicle by at most {length(golden.difference, 2)}"
+        most, apart = (length(x, 2) for x in (golden.difference, golden.apart))
+        moves = f"float32 moves the vehicle by at most {most} on its way, {apart} at its depth"
         ticks = f"{len(golden.depth)} ticks under the supervisor"
         yield f"golden trace: {way} in {ticks}; {moves}"
         if not there:
@@ -134,6 +135,7 @@ class Library(BoardProgram, Answer):
                 "ticks": len(self.golden.depth),
                 "final_depth_m": float(self.golden.depth[-1]),
                 "float32_difference_m": self.golden.difference,
+                "float32_difference_at_depth_m": self.golden.apart,
             },
             "pool": None if self.pool is None else self.pool.to_dict(),
         } | ({} if self.drive is None else {"drive": self.drive.to_dict()})
