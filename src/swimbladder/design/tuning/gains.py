@@ -182,20 +182,6 @@ _FRICTION = Cause(
     frozenset({"friction"}),
     "a drive with less of it, or a motor with more torque per volt, narrows that",
 )
-_SUPPLY = "the supply at {:.3g} V, the least assumed: a battery that is changed earlier (`supply=`)"
-_NOISE = (
-    "the noise of the depth sensor, {:.2g} mm: a better sensor (`depth_noise=`, `depth_quantum=`)"
-)
-_LAYERS = "the water of the cast, whose layers move the neutral volume: a law that learns it sooner"
-_SUPERVISOR = (
-    "What limits it is the supervisor, which has the motor show that it can turn the vehicle round "
-    "before it goes deeper: a faster motor, less psi or a shorter step take less of that."
-)
-_VEHICLE = (
-    "What limits it is the vehicle itself, as well as it is known{}. A shorter step, a greater "
-    "error allowed or another law may help."
-)
-_TOGETHER = "What limits it is the uncertainty of all parameters together, of none alone: {}."
 
 
 def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
@@ -209,7 +195,7 @@ def limiting_margins(region: Region, held: Callable[[Region], bool]) -> str:
         if without.plants != region.plants and held(without):
             return f"What limits it is {cause.words}: {cause.remedy}."
     if held(region._replace(plants=region.plants[:1])):
-        return _TOGETHER.format(_CAUSES[0].remedy)
+        return _say("limited together", remedy=_CAUSES[0].remedy)
     return ""
 
 
@@ -254,14 +240,14 @@ def limiting(
         without = left(vehicle, drawn._replace(known=cause.known))
         outcomes.append((without, f"{cause.words}: {cause.remedy}"))
     if math.isfinite(drawn.supply):
-        supply = _SUPPLY.format(drawn.supply)
+        supply = _say("limited by supply", supply=drawn.supply)
         outcomes.append((left(vehicle, drawn._replace(supply=math.inf)), supply))
     if sensors.depth_noise > 0.0 or sensors.depth_quantum > 0.0:
         noise = 1e3 * math.hypot(sensors.depth_noise, sensors.depth_quantum / math.sqrt(12.0))
         least = min(left(_silent(vehicle), drawn, law) for law in dict.fromkeys(laws))
-        outcomes.append((least, _NOISE.format(noise)))
+        outcomes.append((least, _say("limited by noise", noise=noise)))
     if drawn.column is not None:
-        outcomes.append((left(vehicle, drawn._replace(column=None)), _LAYERS))
+        outcomes.append((left(vehicle, drawn._replace(column=None)), _say("limited by layers")))
     if min(outcomes, default=(whole, ""))[0] > 0.0:
         for (cause, instead), after in others.items():
             outcomes.append((after(), f"{cause}: {instead} would help"))
@@ -270,12 +256,12 @@ def limiting(
         return f"What limits it is {words}."
     nominal = left(vehicle, drawn.nominal)
     if nominal <= _HELPS * whole:
-        return _TOGETHER.format(own[0].remedy)
+        return _say("limited together", remedy=own[0].remedy)
     alone = drawn.nominal._replace(supervised=False)
     if drawn.supervised and left(vehicle, alone) < _HELPS * nominal:
-        return _SUPERVISOR
+        return _say("limited by supervisor")
     tried = " or ".join(instead for _, instead in others)
-    return _VEHICLE.format(f": {tried} would not help" if tried else "")
+    return _say("limited by vehicle", tried=f": {tried} would not help" if tried else "")
 
 
 GOALS = ("fast", "quiet", "energy")
@@ -688,11 +674,9 @@ class Search:
         nearest = f"the nearest has {'; '.join(short)}"
         if unstable:
             nearest = "none makes a loop that is stable over it"
-        raise NoAnswerError(
-            f"no gains of the law {name!r} have the margins over the region at a sample time of "
-            f"{self.setting.sample_time:g} s: {nearest}. "
-            f"{limiting_margins(self.region, self.held)}".rstrip()
-        )
+        why, h = limiting_margins(self.region, self.held), self.setting.sample_time
+        said = _say("no margins", name=name, h=h, nearest=nearest, why=why)
+        raise NoAnswerError(said.rstrip())
 
     def _elsewhere(self, tuning: Any, over: Trial) -> bool:
         """Say whether gains do not keep what they have to, and those of other frequencies may.

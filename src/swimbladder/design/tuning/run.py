@@ -121,10 +121,6 @@ _WATCH = 2700.0  # s, that a hold is watched for: what counts is the last third
 _SHOWN = (1, 30)  # runs kept as they went: of the nominal vehicle, over the region
 _WATCHED = 10.0  # times the least time of a step
 _TIME_LIMIT = 7200.0  # s, that a mission takes at most where the vehicle does not say
-_LIMITED = (
-    "a mission takes 2 h at most: the supervisor then brings the vehicle up (time_limit in "
-    "[supervisor] of the file written; state yours there)"
-)
 _NEUTRAL, _LEAST_NEUTRAL = 10.0, 50e-6  # times its spread, and m3: how far a filter looks for it
 _IN_WAVES = 2.0  # m, where a vehicle is held in waves
 _SPARE = 1.2  # times the change of the neutral volume that a cast has, that is allowed
@@ -565,7 +561,7 @@ class _Request:
         if self.why and self.depths[1] != _USUAL_DEPTH:
             found.append(f"no depths are asked for (`depth_range=`): the vehicle's own, {self.why}")
         if self.unlimited:
-            found.append(_LIMITED)
+            found.append(_say("time limited"))
         allowed = self.vehicle.supervisor
         widened = bool(allowed.neutral_change or allowed.neutral_range)
         found += _in_water(self.asked.cast, self.off, pumped=self.pumped, widened=widened)
