@@ -25,7 +25,7 @@ from swimbladder.errors import InputError
 from swimbladder.estimation.comparison.record import Record
 from swimbladder.estimation.estimates import Estimate, Finding, Prior
 from swimbladder.estimation.motion.diagnose import Curvature, not_identifiable
-from swimbladder.estimation.motion.fit import fit, inverse_of
+from swimbladder.estimation.motion.fit import eliminated, fit, inverse_of
 from swimbladder.estimation.motion.problem import (
     DRIFT,
     NAMES,
@@ -333,9 +333,8 @@ def fisher_information(
     H, n, p = full.scores(x, central=central)[1], len(full.quantities), problem.shared
     per = np.ones(n)
     per[:p] = np.where(problem.logarithmic, 1.0, question.sizes(question.names) / problem.scale)
-    # What is left of the others' information, once the record's own drift follows them.
-    across, own = H[:n, n:], H[n:, n:] + np.eye(full.drifts)
-    gain = (H[:n, :n] - across @ np.linalg.solve(own, across.T)) * np.outer(per, per)
+    H[n:, n:] += np.eye(full.drifts)  # the record's own drift, which follows the others
+    gain = eliminated(H, n)[0] * np.outer(per, per)
     return np.asarray(0.5 * (gain + gain.T))
 
 

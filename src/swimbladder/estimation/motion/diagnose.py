@@ -24,7 +24,7 @@ from swimbladder.estimation.estimates import (
     too_many,
     undetermined,
 )
-from swimbladder.estimation.motion.fit import Ended, Fit, autocovariance, backwards
+from swimbladder.estimation.motion.fit import Ended, Fit, autocovariance, backwards, eliminated
 from swimbladder.estimation.motion.fit import compared as solve
 from swimbladder.estimation.motion.problem import (
     DEPTH,
@@ -289,14 +289,9 @@ def directions(problem: Problem, known: Curvature) -> list[Direction]:
     From the singular values of the sensitivity, everything that belongs to single experiments
     eliminated, with the priors of the neutral volumes and without those of the parameters.
     """
-    p, D = problem.shared, known.information
-    size = np.sqrt(np.maximum(np.diag(D), 1e-300))
-    D = D / np.outer(size, size)
-    inner = D[p:, p:] + 1e-13 * np.eye(len(D) - p)
-    S = D[:p, :p] - D[:p, p:] @ np.linalg.solve(inner, D[p:, :p])
-    values, vectors = np.linalg.eigh(S * np.outer(size[:p], size[:p]))
+    values, vectors = np.linalg.eigh(eliminated(known.information, problem.shared)[0])
     stds = 1.0 / np.sqrt(np.maximum(values, 1e-14 * max(float(values[-1]), 1e-300)))
-    return [Direction(vectors[:, i], float(stds[i])) for i in range(p - 1, -1, -1)]
+    return [Direction(vectors[:, i], float(stds[i])) for i in range(len(stds) - 1, -1, -1)]
 
 
 def not_identifiable(problem: Problem, known: Curvature) -> Iterator[Finding]:

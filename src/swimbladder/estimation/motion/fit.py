@@ -625,6 +625,17 @@ def _positive(C: Array) -> Array:
     return np.asarray((vectors * np.abs(values)) @ vectors.T * np.outer(size, size))
 
 
+def eliminated(M: Array, n: int) -> tuple[Array, Array]:
+    """Return the information [n, n] about the first entries, the others following them, and by how
+    much these do [others, n]: the Schur complement of a symmetric matrix.
+    """
+    size = np.sqrt(np.maximum(np.diag(M), 1e-300))
+    D = M / np.outer(size, size)
+    follows = np.linalg.solve(D[n:, n:] + 1e-13 * np.eye(len(M) - n), D[n:, :n])
+    S = (D[:n, :n] - D[:n, n:] @ follows) * np.outer(size[:n], size[:n])
+    return S, follows * size[:n] / size[n:, None]
+
+
 def inverse_of(M: Array, least: float = 0.0) -> Array:
     """Return the inverse of a symmetric matrix, through entries of one size each.
 

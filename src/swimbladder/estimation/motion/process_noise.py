@@ -44,7 +44,7 @@ from swimbladder.estimation.kalman import (
     Start,
     filter_depth,
 )
-from swimbladder.estimation.motion.fit import inverse_of, regression
+from swimbladder.estimation.motion.fit import eliminated, inverse_of, regression
 from swimbladder.estimation.motion.problem import (
     DEPTH,
     DRIFT,
@@ -415,8 +415,8 @@ def covariance(full: Likelihood, x: Array) -> Array:
     n = len(full.quantities)
     scores, H = full.scores(x)
     H += np.diag(full.prior_slope(x)[1])
-    follows = np.linalg.solve(H[n:, n:], H[n:, :n])  # the drifts, what is shared
-    scores, H = scores[:, :n] - scores[:, n:] @ follows, H[:n, :n] - H[:n, n:] @ follows
+    H, follows = eliminated(H, n)
+    scores = scores[:, :n] - scores[:, n:] @ follows
     known = np.diag(H) > np.where([q.logarithmic for q in full.quantities], _LOOSE**-2, 0.0)
     C = np.diag(np.full(n, np.inf))
     bread = inverse_of(H[np.ix_(known, known)], _SINGULAR)
