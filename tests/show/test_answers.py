@@ -205,7 +205,7 @@ def test_the_page_of_a_firmware_has_its_golden_trace_and_what_is_watched(tmp_pat
     assert flown == pytest.approx(made.golden.depth, rel=1e-5)
     assert np.isnan(after).all()  # the sensor is out
     assert figure["layout"]["yaxis3"]["ticktext"] == ["watches", "depth missing"]
-    for said in ("depth impossible", "ticks lost", "SHA-256", "swb_cascade.c", "250 B + 133 B"):
+    for said in ("depth impossible", "ticks lost", "SHA-256", "swb_cascade.c", "250 B + 135 B"):
         assert said in page
 
 
