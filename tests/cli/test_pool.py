@@ -26,6 +26,7 @@ def rehearsal(tmp_path_factory):
     return folder, code, said.getvalue()
 
 
+@pytest.mark.prove
 def test_a_rehearsal_ends_good_enough_and_its_logs_give_the_same_numbers(
     rehearsal, capsys, tmp_path
 ):

@@ -309,7 +309,7 @@ class TestTheDive:
         assert rows[-1, 0] < 0.5
         assert rows[-1, 2] == pytest.approx(vehicle.stroke.maximum, abs=1e-6)
 
-    @pytest.mark.parametrize("stuck", ["depth", "pump"])
+    @pytest.mark.parametrize("stuck", ["depth", pytest.param("pump", marks=pytest.mark.prove)])
     @pytest.mark.promise("comes-nearer", faults=["depth stuck", "actuator stalled"])
     def test_what_stands_still_is_noticed_by_the_way_that_is_not_made(self, stuck):
         """A depth that stays on the way down; a pump that delivers nothing once it is to come up.

@@ -130,6 +130,7 @@ def test_what_is_broken_is_found(file, good, bad, said, tmp_path):
         run(program, "20000", "1")
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize(
     ("good", "bad", "said"),

@@ -245,7 +245,9 @@ def test_what_rounding_moves_has_a_unit_of_its_size(off, words):
     )
 
 
-@pytest.mark.parametrize("name", ["feup-em", "example-float"])
+@pytest.mark.parametrize(
+    "name", ["feup-em", pytest.param("example-float", marks=pytest.mark.prove)]
+)
 def test_a_board_that_goes_elsewhere_than_simulated_is_refused(name, monkeypatch):
     """It is what rounding might do at worst: the law in double precision is sent elsewhere."""
     double = BoardProgram.in_double

@@ -256,6 +256,7 @@ def test_the_names_that_lead_to_a_place_go_inward():
         assert place_of(of) == (Name("a", FLOAT), names[:n])
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 def test_a_law_of_nested_records_flies_and_its_c_agrees_to_the_bit(tmp_path):
     text = {"k": "1.5 V/m", "d": 4.0, "old": 0.7, "new": 0.3, "limit": "6 V"}

@@ -162,6 +162,7 @@ class Spoilt(PoolTwin):
         return command
 
 
+@pytest.mark.prove
 def test_a_day_with_faults_is_equal_to_the_bit(day):
     """Measurements fail now and then, at last for good: the supervisor takes over."""
     made, plain = library(), day_twin(library())

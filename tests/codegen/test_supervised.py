@@ -124,7 +124,9 @@ def said_by(vehicle: VehicleTwin, seen: Watched, reference: float) -> tuple[Any,
     return command, int(s.recovery.reason), int(s.recovery.reasons), int(s.recovery.release)
 
 
-@pytest.fixture(scope="module", params=["feup-em", "ntnu-bv"])
+@pytest.fixture(
+    scope="module", params=["feup-em", pytest.param("ntnu-bv", marks=pytest.mark.prove)]
+)
 def both(request, tmp_path_factory):
     request.getfixturevalue("gcc")
     made = library(request.param)

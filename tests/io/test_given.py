@@ -57,6 +57,7 @@ def test_a_text_is_the_number_in_the_unit_of_the_docstring():
     assert by_text.vehicle == VEHICLE
 
 
+@pytest.mark.prove
 def test_both_of_a_pair_may_be_texts():
     how = {"maps": False, "within": 60.0, "runs": 20}
     by_text = sb.stability(VEHICLE, depth_range=("50 cm", 5), **how)

@@ -62,6 +62,7 @@ def test_without_noise_the_numbers_at_the_reference_are_found():
         assert d.predicted == pytest.approx(d.energy, rel=1e-9)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("dives", [8, 25])
 def test_with_a_battery_that_sags_95_per_cent_hold_and_without_its_voltage_they_do_not(dives):
     random = np.random.default_rng(dives)

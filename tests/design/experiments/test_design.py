@@ -110,6 +110,7 @@ def test_what_cannot_be_told_is_said_with_a_remedy(vehicle):
     assert any(f.kind == "remedy" and "times the pool time" in f.sentence for f in found.findings)
 
 
+@pytest.mark.prove
 def test_a_prior_and_a_value_help(vehicle):
     plain = design_experiment(vehicle, **QUICK)
     fisher_information = design_experiment(vehicle, **QUICK, priors={"psi": Prior(4.04e-6, 4e-8)})
@@ -123,7 +124,10 @@ def test_a_prior_and_a_value_help(vehicle):
     assert all(len(r.moves) == 1 for r in plain.chosen.releases)
 
 
-@pytest.mark.parametrize(("name", "law"), [("ntnu-bv", "blended"), ("feup-em", "quadratic")])
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [("ntnu-bv", "blended"), pytest.param("feup-em", "quadratic", marks=pytest.mark.prove)],
+)
 def test_other_vehicles_and_laws(name, law):
     small = name == "ntnu-bv"
     found = design_experiment(

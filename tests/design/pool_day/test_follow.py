@@ -116,6 +116,7 @@ def test_a_log_without_volume_is_refused_with_the_remedy(tmp_path):
     assert "`columns=" in str(caught.value)
 
 
+@pytest.mark.prove
 def test_a_logger_that_writes_in_bursts_gives_what_the_finished_log_gives(lines, tmp_path):
     path, text = tmp_path / "log.csv", HEADER + "".join(lines[0] + lines[1])
     rng = np.random.default_rng(1)

@@ -31,6 +31,7 @@ def foretold(law, numbers, source, p=P, **quanta):
     return [one for one in found if one.source == source]
 
 
+@pytest.mark.prove
 def test_the_dead_zone_of_a_law_makes_the_cycle_that_was_foretold():
     one = next(c for c in foretold(SEA_CASCADE, QUIET, "dead zone of the law") if c.cycle.stable)
     assert one.cycle.believed

@@ -168,6 +168,7 @@ def test_a_slow_motor_that_is_sampled_often_gets_a_slow_law():
     assert found.tuning.frequency * found.least > 2.0  # it is no slower than the step
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize(
     "name",
     [
@@ -456,6 +457,7 @@ def test_the_energy_of_samples_is_that_of_the_books():
     assert found == pytest.approx(run.energy[0], rel=1e-9)
 
 
+@pytest.mark.prove
 def test_the_energy_of_a_positioner_is_that_of_the_books():
     vehicle = load_vehicle("ntnu-bv").but("actuator", moving_power=4.0, holding_power=0.5)
     law, gains_ = bind(vehicle.controller)

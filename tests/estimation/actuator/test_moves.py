@@ -18,6 +18,7 @@ OUT = MOTOR.K_out * (12.0 - MOTOR.dead_zone - MOTOR.load)
 IN = MOTOR.K_in * (12.0 - MOTOR.dead_zone + MOTOR.load)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "case",

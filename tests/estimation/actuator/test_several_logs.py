@@ -82,6 +82,7 @@ def test_a_log_that_is_wrong_is_named(count):
     assert low < RATE < 1.1 * RATE < high or count > 3
 
 
+@pytest.mark.prove
 def test_of_logs_that_differ_alike_none_is_named():
     found = identify_actuator(campaign(3, 5, differing=0.02))
     said = kinds(found)["logs differ"]

@@ -396,6 +396,7 @@ def test_a_bypass_that_never_runs_stays_as_it_is(scene) -> None:
     assert any("flow of the bypass is as in the vehicle's file" in x for x in found.assumptions)
 
 
+@pytest.mark.prove
 def test_the_written_vehicle_rests_where_the_fit_does(scene) -> None:
     """Neutral volumes of `hull`, for all commands, and of the fit, with air and warmth changed."""
     plain, _, column = scene

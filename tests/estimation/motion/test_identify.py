@@ -170,7 +170,11 @@ def test_neutral_volumes_beyond_their_prior_are_said():
     assert "neutral prior" in kinds(found, "warning")
     wrong = identify(campaign(27, errors=9e-6), FEUP_EM, neutral_std=0.5e-6, **QUICK)
     assert not wrong.identified
-    given_up = identify(campaign(27, errors=9e-6), FEUP_EM, **QUICK)  # what nobody stated
+
+
+@pytest.mark.prove
+def test_a_prior_that_nobody_stated_is_given_up_where_logs_contradict_it():
+    given_up = identify(campaign(27, errors=9e-6), FEUP_EM, **QUICK)
     assert given_up.identified
     assert given_up.neutral_std == math.inf
     looser = identify(campaign(27, errors=3e-6), FEUP_EM, neutral_std=3e-6, **QUICK)
@@ -296,6 +300,7 @@ def test_the_intervals_hold_the_truth_and_are_not_too_wide():
     assert 1e-3 < chi2.cdf(total, 3 * len(distances)) < 1.0 - 1e-3
 
 
+@pytest.mark.prove
 def test_neutral_volumes_that_walk():
     """Truth: each walks by 5 cm3 in a minute; a constant one would be wrong."""
     rng = np.random.default_rng(31)

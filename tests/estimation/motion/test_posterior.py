@@ -29,6 +29,7 @@ def test_a_nearly_normal_posterior_has_the_fit_s_moments():
     assert drawn.to_dict()["T2"] == {"median": median, "ci95": [low, high]}
 
 
+@pytest.mark.prove
 def test_the_same_seed_draws_the_same():
     pytest.importorskip("emcee")
     problem = problem_of(campaign(41)[6:], ("K2", "T2"), fixed={"psi": 4.04e-6})

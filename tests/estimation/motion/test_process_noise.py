@@ -201,6 +201,7 @@ def test_correlated_noise_of_the_depth_is_no_motion():
         assert abs(found.parameters[name].value - truth) < 3.5 * found.parameters[name].std
 
 
+@pytest.mark.prove
 def test_draws_that_cannot_be_made_are_said():
     found = identify(correlated_campaign(4), VEHICLE, profiles=False, choices=False, posterior=1)
     assert found.posterior is None

@@ -130,6 +130,7 @@ def test_texts_are_escaped(found):
     assert '<b>"&.csv' in read.text
 
 
+@pytest.mark.prove
 def test_writing_it_again_takes_away_what_is_stale(found, untold, tmp_path):
     told = []
     out = tmp_path / "out"

@@ -72,7 +72,7 @@ SUPPLY = {"capacity": 400e3, "cold_share": 0.85, "self_discharge": 0.02 / YEAR}
     ("given", "stop"),
     [
         ({}, Stop.RESERVE),
-        ({"reserve": 0.0}, Stop.BATTERY_EMPTY),
+        pytest.param({"reserve": 0.0}, Stop.BATTERY_EMPTY, marks=pytest.mark.prove),
         *(
             pytest.param(given, Stop.RESERVE, marks=pytest.mark.prove)
             for given in (
@@ -95,6 +95,7 @@ def test_two_cycles_say_how_many_the_battery_lasts(fleet, given, stop):
     assert abs(np.mean(off)) < 0.4  # three standard errors of 12 that are off by 0 or 1
 
 
+@pytest.mark.prove
 def test_batteries_that_end_below_the_reserve_within_a_cycle_too(fleet):
     """Of cycles that take more than the reserve some are broken off, and do not count."""
     few, all_ = (fleet(40, n, 1, capacity=60e3) for n in (2, TO_THE_END))

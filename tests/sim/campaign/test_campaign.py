@@ -277,6 +277,7 @@ def test_a_stopped_campaign_goes_on_to_the_same_store(job, tmp_path):
     assert sum(shares) == 1.0
 
 
+@pytest.mark.prove
 def test_parts_fill_one_store_in_any_order(job, tmp_path):
     one = job(floats=40, seed=2)
     flown(one)

@@ -108,6 +108,7 @@ def test_one_lane(vehicle, parameters, depth, share, ground) -> None:  # type: i
     same(compiled, by_hand(vehicle, parameters, **run))
 
 
+@pytest.mark.prove
 @examples(12)
 @given(
     lanes=st.lists(

@@ -86,7 +86,9 @@ def test_half_of_the_missions_are_in_swell(name):
     fills(conditions(name, "swell_phase"), 0.0, 2.0 * math.pi)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", ["feup-em", *(pytest.param(n, marks=pytest.mark.prove) for n in NAMES[1:])]
+)
 def test_half_of_the_vehicles_have_a_leak_input(name):
     """It speaks from 2 to 20 cm3 of water on."""
     speaks = conditions(name, "leak_input")

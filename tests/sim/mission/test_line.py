@@ -91,7 +91,7 @@ def length_of(line, depth, volume, vehicle):
     return float(start.duration[0]) + volume / line.delivery(sea - RESERVOIR)
 
 
-@pytest.mark.parametrize("air", [0.0, 0.001, 0.05])
+@pytest.mark.parametrize("air", [0.0, 0.05, pytest.param(0.001, marks=pytest.mark.prove)])
 @pytest.mark.parametrize(
     ("depth", "speed", "mL", "line"),
     [

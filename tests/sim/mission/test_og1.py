@@ -153,6 +153,7 @@ def test_what_others_read(file):
         }
 
 
+@pytest.mark.prove
 def test_it_is_read_as_a_cast_and_as_a_log(flown, tmp_path):
     data = og1_dataset(flown, begin=BEGIN, latitude=43.4, longitude=7.85)
     path = write_netcdf(tmp_path / "mission.nc", data)

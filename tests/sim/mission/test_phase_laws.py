@@ -331,6 +331,7 @@ class TestRest:
 
 
 class TestPhases:
+    @pytest.mark.prove
     def test_another_law_in_a_phase(self):
         """From its begin on it is that law from rest, with the vehicle as it comes."""
         vehicle = load_vehicle("feup-em")

@@ -54,6 +54,7 @@ def test_law_and_supervisor_fly_as_they_are_simulated(name, seed):
     assert np.abs(alone.rows["z"][:n] - flight.rows["z"][:n]).max() > 1e-3, "it proves its actuator"
 
 
+@pytest.mark.prove
 def test_a_vehicle_without_the_table_flies_its_law_alone():
     vehicle = load_vehicle("feup-em")
     alone, over = (
