@@ -117,6 +117,7 @@ def test_what_is_refused_names_the_option(capsys, tmp_path, options, said):
     assert said in capsys.readouterr().err
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 def test_missions_are_flown_in_the_water_of_a_cast(capsys, tmp_path):
     """In layers; a water that ends above the missions is refused, by Python too."""

@@ -34,6 +34,7 @@ def test_it_says_what_is_stable_and_writes_it(capsys, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["out"]  # nothing left of its parts
 
 
+@pytest.mark.prove
 def test_robustness_is_a_table_of_gain_and_delay(capsys, tmp_path):
     out = tmp_path / "out"
     command = ["stability", "feup-em", "--no-maps", "--robustness", "--runs", "20"]

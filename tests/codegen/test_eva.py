@@ -97,6 +97,7 @@ _BROKEN = {
 }
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("frama_c")
 @pytest.mark.parametrize(
     "kind", [n if n == "the limit" else pytest.param(n, marks=pytest.mark.prove) for n in _BROKEN]

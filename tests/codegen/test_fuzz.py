@@ -114,6 +114,7 @@ _BROKEN = [
 ]
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize(
     ("file", "good", "bad", "said"),

@@ -328,6 +328,7 @@ def expected_of(law: Law, frame: tuple[Any, ...]) -> tuple[Any, ...]:
     return law.initial(given, seen, reference), law.step(given, state, seen, reference)
 
 
+@pytest.mark.prove
 @pytest.mark.usefixtures("gcc", "clang")
 @pytest.mark.parametrize(
     "how",

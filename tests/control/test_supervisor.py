@@ -403,6 +403,7 @@ def test_a_volume_that_begins_to_move_says_nothing_of_its_depth_yet(later):
     assert flown.reason is None
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("back", [20.0, 30.0, 40.0])
 def test_a_blunt_hull_that_turns_round_fast_moves_as_modelled(back):
     """Drag as the square of a speed that two low passes have levelled is not that of the speed."""

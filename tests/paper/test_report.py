@@ -241,6 +241,7 @@ def test_progress_adds_up(made):
     assert sum(made[2]) == pytest.approx(AMOUNT)
 
 
+@pytest.mark.prove
 def test_the_same_seed_is_the_same_report(made, tmp_path):
     reproduce(tmp_path / "again")
     for name in ("report.html", "results.json", "figures/figure-12.png"):

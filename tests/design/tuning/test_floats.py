@@ -118,6 +118,7 @@ def test_a_board_knows_the_pump_of_a_full_battery():
     assert strong.settled == weak.settled == 1.0
 
 
+@pytest.mark.prove
 def test_a_supervisor_that_ends_the_flight_or_turns_it_round_is_a_no():
     with pytest.raises(NoAnswerError, match="brings it up: time limit"):
         tune(changed("supervisor", time_limit=3600.0), depth_range=DEPTHS, runs=20)

@@ -380,6 +380,7 @@ def test_energy_is_spent_slowly_and_the_depth_is_held():
     assert any("The motor takes" in sentence for sentence in saving.sentences)
 
 
+@pytest.mark.prove
 @pytest.mark.slow
 def test_a_supervised_trial_is_that_of_a_hold_and_a_step_as_flashed():
     law, numbers = bind(FEUP.controller)

@@ -127,6 +127,7 @@ def test_the_noise_of_a_book_is_that_of_drag_in_moving_water(scene, agreed) -> N
     )
 
 
+@pytest.mark.prove
 def test_logs_of_two_floats_are_not_identified(scene) -> None:
     """The valve of one dive lets in 0.9 of the file's, that of another 1.5."""
     vehicle, column, (logs, _) = scene

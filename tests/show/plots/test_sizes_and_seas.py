@@ -35,6 +35,7 @@ def test_a_logarithmic_axis_has_several_numbers_on_any_span(span):
 
 
 @pytest.mark.prove
+@pytest.mark.prove
 def test_the_price_of_a_wish_is_seen_whole(found):
     sides = [panel for panel in draw_requirements(found).panels if marks(panel, Curve)]
     assert len(sides) == 2 * len(found.sweeps)
@@ -46,6 +47,7 @@ def test_the_price_of_a_wish_is_seen_whole(found):
         assert "cm3" not in panel.y + panel.x
 
 
+@pytest.mark.prove
 def test_bars_that_are_cut_have_their_mass_written(found):
     (panel,) = draw_parts(found).panels
     edge = panel.xlim[1]
@@ -57,6 +59,7 @@ def test_bars_that_are_cut_have_their_mass_written(found):
     assert volts == sorted(volts)
 
 
+@pytest.mark.prove
 def test_every_drive_is_shown_or_counted(found):
     (panel,) = draw_candidates(found).panels
     w = found.evaluation

@@ -174,6 +174,7 @@ def parked(tmp_path_factory):
     )
 
 
+@pytest.mark.prove
 def test_the_stroke_margin_of_a_float_that_rests(parked):
     """Its neutral volume is trim + psi z more, which leaves so much less above: linear in both."""
     (one,) = [o for o in parked.outputs if o.name == "stroke margin"]
@@ -189,6 +190,7 @@ def test_the_stroke_margin_of_a_float_that_rests(parked):
     )
 
 
+@pytest.mark.prove
 def test_outputs_that_some_flights_lack_have_no_indices_and_say_so(parked):
     table = parked.table.copy()
     table["arrival_mean"][::9] = np.nan

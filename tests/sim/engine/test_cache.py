@@ -154,11 +154,13 @@ print(*compiled)
 """
 
 
+@pytest.mark.prove
 def test_what_kernels_have_in_common_is_found_made_by_another(tmp_path: Path) -> None:
     assert "first_mode" in python(OTHER, cache=tmp_path).split()
     assert python(OTHER, cache=tmp_path) == "another"
 
 
+@pytest.mark.prove
 def test_a_cache_that_cannot_be_written_is_done_without(tmp_path: Path) -> None:
     """A file where the folder should be: compiled anew, the same result, not a word on stderr."""
     blocked = tmp_path / "file"

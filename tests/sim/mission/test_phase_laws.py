@@ -32,7 +32,7 @@ from swimbladder.sim.mission.prepare import cost_words
 from swimbladder.sim.mission.result import MissionResult
 from swimbladder.vehicle import HullPart, Load
 from tests.quoted import numbers, refused
-from tests.vehicles import EACH
+from tests.vehicles import TWO
 
 FILES = Path(__file__).parents[2] / "frozen" / "inputs"
 
@@ -66,7 +66,7 @@ def simulated(vehicle, flight, **more):
     return found, samples
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", TWO)
 @pytest.mark.parametrize("seed", [None, 3])
 def test_every_law_flies_as_it_is_simulated(name, seed):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
@@ -83,7 +83,7 @@ def test_every_law_flies_as_it_is_simulated(name, seed):
     assert facts[0]["sample_time_s"] == vehicle.controller.sample_time
 
 
-@pytest.mark.parametrize("name", EACH)
+@pytest.mark.parametrize("name", TWO)
 def test_gains_change_the_dive(name):
     vehicle = load_vehicle(str(FILES / f"law-{name}.toml"))
     law = phase_laws(vehicle, steps(HOLD, PARK))[0]

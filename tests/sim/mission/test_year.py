@@ -1,8 +1,11 @@
 """The benchmark of a year flies the same mission in both, before anything is timed."""
 
+import pytest
+
 from benchmarks.year import GOAL, Peer, Tried, compare, report
 
 
+@pytest.mark.prove
 def test_the_peers_agree():
     ours, scipy = compare(quick=True)
     assert ours.name == "swimbladder"
